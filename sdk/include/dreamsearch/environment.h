@@ -1,0 +1,110 @@
+// environment.h - the interface an environment plugin implements.
+//
+// An environment is one control task: it is reset from a seed, stepped with
+// actions, and says what it observed and what reward it gave.
+//
+// Shapes   O = observation_size, A = action_size.
+// Units    actions lie in the environment's own bounds [action_low, action_high];
+//          ToEnvironmentBounds maps [-1, 1] to them. One Step is one *environment
+//          step*: a control step of the simulator, before any action repeat.
+// Memory   views belong to the caller and are valid only during the call; what
+//          spec() points to lives as long as the environment.
+// Threads  one thread drives an instance at a time; instances share nothing.
+// Errors   every call returns a Status and lets no exception out. NaN in an
+//          action is kInvalidArgument, never a zero control.
+#pragma once
+
+#include <cstdint>
+
+#include "dreamsearch/status.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+// One named part of the observation; the parts are laid end to end.
+struct ObservationPart {
+  const char* name = nullptr;
+  std::uint64_t size = 0;
+};
+
+struct EnvironmentSpec {
+  View<const ObservationPart> observation;
+  std::uint64_t observation_size = 0;  // O
+  std::uint64_t action_size = 0;       // A
+  View<const double> action_low;       // [A]
+  View<const double> action_high;      // [A]
+  double control_seconds = 0;          // simulated seconds of one environment step
+  std::uint32_t substeps = 1;          // physics steps in one environment step
+  std::uint32_t episode_steps = 0;     // environment steps until the time limit
+  double return_low = 0;               // range of an episode's return, for normalised
+  double return_high = 0;              //   scores; equal when there is none
+  std::uint64_t state_bytes = 0;       // size of a saved state; 0: cannot be saved
+};
+
+// What one step gave. `discount` is 0 at a terminal state and 1 elsewhere, the
+// time limit included; `last` says that the episode is over.
+struct StepResult {
+  double reward = 0;
+  double discount = 1;
+  bool last = false;
+};
+
+// A picture of the current state: rows of RGB bytes, top row first.
+struct RenderRequest {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::uint32_t camera = 0;
+};
+
+class Environment {
+ public:
+  virtual const EnvironmentSpec& spec() const noexcept = 0;
+
+  // Starts an episode. Equal seeds give equal episodes for equal actions,
+  // whatever happened before. observation: [O].
+  virtual Status Reset(std::uint32_t seed, View<double> observation) noexcept = 0;
+
+  // Advances one environment step. action: [A]; observation: [O].
+  //   kFailedPrecondition  no episode is under way.
+  //   kInvalidArgument     a view has the wrong size, or the action is not finite.
+  //   kDiverged            the simulator warned; the episode is over.
+  virtual Status Step(View<const double> action, View<double> observation,
+                      StepResult* result) noexcept = 0;
+
+  // Copies the whole state, `state_bytes` long: restoring it and stepping gives
+  // the very bits that stepping on would have given.
+  //   kUnimplemented       state_bytes is 0.
+  virtual Status SaveState(View<std::byte> state) const noexcept = 0;
+
+  // Goes to a state that SaveState wrote on an environment of the same task.
+  //   kDataLoss            the bytes are not such a state; the environment is unchanged.
+  virtual Status RestoreState(View<const std::byte> state) noexcept = 0;
+
+  // Draws the current state into width * height * 3 bytes. Optional.
+  virtual Status Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept = 0;
+
+  virtual void Destroy() noexcept = 0;
+
+ protected:
+  ~Environment() = default;
+};
+
+// Maps an action from [-1, 1]^A affinely to the environment's own bounds. The
+// ends are met exactly; values outside [-1, 1] are clipped first.
+inline void ToEnvironmentBounds(const EnvironmentSpec& spec, View<const double> action,
+                                View<double> bounded) noexcept {
+  for (std::uint64_t i = 0; i < action.size; ++i) {
+    const double low = spec.action_low[i];
+    const double high = spec.action_high[i];
+    const double a = action[i];
+    if (a <= -1) {
+      bounded[i] = low;
+    } else if (a >= 1) {
+      bounded[i] = high;
+    } else {
+      bounded[i] = low + (high - low) * (0.5 * (a + 1));
+    }
+  }
+}
+
+}  // namespace dreamsearch

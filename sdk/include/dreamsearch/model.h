@@ -1,0 +1,128 @@
+// model.h - the interface a model plugin implements.
+//
+// A model has two faces. LatentModel is what a planner sees: from latents it
+// imagines transitions, estimates values and proposes actions. Model adds what
+// only the host calls: observe, train, save, load.
+//
+// Shapes   batch first everywhere: B rows of latents, actions [B, A]. A latent is
+//          opaque: copy it, keep it, hand it back to the model it came from.
+// Units    actions lie in [-1, 1]. A reward is that of one *decision*: summed over
+//          the action repeat. value(s) is the discounted sum of the rewards still
+//          to come after s; the reward for arriving at s is not in it.
+// Memory   views belong to the caller and are valid only during the call.
+// Threads  one thread drives an instance at a time; instances share nothing.
+// Errors   every call returns a Status and lets no exception out. A model that
+//          finds a latent of its own not finite returns kNotFinite.
+#pragma once
+
+#include <cstdint>
+
+#include "dreamsearch/parameter.h"
+#include "dreamsearch/status.h"
+#include "dreamsearch/stream.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+class Environment;
+
+// A batch of imagined transitions. `seed` decides every draw; a model whose
+// transitions are deterministic ignores it.
+struct ImagineRequest {
+  ConstLatents latents;              // [B, latent_bytes]
+  MatrixView<const double> actions;  // [B, A]
+  std::uint64_t seed = 0;
+};
+
+struct ImagineResult {
+  Latents latents;         // [B, latent_bytes]: s' (must not overlap the request's)
+  View<double> rewards;    // [B]: r(s')
+  View<double> discounts;  // [B]: gamma, times the chance to go on where that is modelled
+};
+
+class LatentModel {
+ public:
+  virtual std::uint64_t latent_bytes() const noexcept = 0;  // a multiple of kLatentAlignment
+  virtual std::uint64_t action_size() const noexcept = 0;   // A
+
+  // s' and r(s') for every row.
+  virtual Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept = 0;
+
+  // values: [B].
+  virtual Status Value(ConstLatents latents, View<double> values) noexcept = 0;
+
+  // The mode of the actor at every latent. actions: [B, A].
+  virtual Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept = 0;
+
+  // n samples of the actor at every latent. actions: [B * n, A], the samples of
+  // latent i in rows i * n ... i * n + n - 1.
+  virtual Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+                                MatrixView<double> actions) noexcept = 0;
+
+ protected:
+  ~LatentModel() = default;
+};
+
+// One decision's belief update. `previous` and `action` lead to `observation`;
+// at an episode's start pass the latent of InitialLatent and a zero action.
+struct ObserveRequest {
+  ConstLatents previous;                  // [B, latent_bytes]
+  MatrixView<const double> actions;       // [B, A]
+  MatrixView<const double> observations;  // [B, O]
+  // [B, state_bytes]: the environment's saved state, only for a model whose
+  // descriptor has needs_environment; otherwise empty.
+  MatrixView<const std::byte> environment_states;
+  std::uint64_t seed = 0;
+};
+
+// B sequences of T consecutive decisions, each inside one episode. Row b * T + t
+// belongs to time t of sequence b; action and reward are those that *led to* the
+// observation of the same row, zero where it is an episode's first.
+struct SequenceBatch {
+  std::uint64_t sequences = 0;          // B
+  std::uint64_t length = 0;             // T
+  MatrixView<const float> observations; // [B * T, O]
+  MatrixView<const float> actions;      // [B * T, A]
+  View<const float> rewards;            // [B * T]
+  View<const float> discounts;          // [B * T]: 0 at a terminal state, else 1
+  View<const std::uint8_t> is_first;    // [B * T]: 1 at an episode's first observation
+};
+
+struct TrainRequest {
+  SequenceBatch batch;
+  std::uint64_t seed = 0;
+  std::uint64_t update = 0;            // updates made before this one
+  std::uint64_t environment_step = 0;  // environment steps made so far
+};
+
+class Model : public LatentModel {
+ public:
+  // The latent before anything was observed. latents: [B, latent_bytes].
+  virtual Status InitialLatent(Latents latents) noexcept = 0;
+
+  // The posterior latent. latents: [B, latent_bytes], may not overlap previous.
+  virtual Status Observe(const ObserveRequest& request, Latents latents) noexcept = 0;
+
+  // Fits the model and its actor and critic to one batch. metrics: one value for
+  // each MetricSpec of the component, in that order.
+  //   kUnimplemented       the model has nothing to learn.
+  //   kNotFinite           a loss or a gradient norm is not finite; the message
+  //                        names it. The parameters are unchanged.
+  virtual Status Train(const TrainRequest& request, View<double> metrics) noexcept = 0;
+
+  // All that decides the future: parameters, optimiser moments, statistics,
+  // counters. Load brings back the very bits.
+  virtual Status Save(ByteSink* sink) const noexcept = 0;
+  //   kDataLoss            not what Save wrote for these settings; the model is unusable.
+  virtual Status Load(ByteSource* source) noexcept = 0;
+
+  // Hands every parameter array to the sink, named and shaped.
+  virtual Status Export(TensorSink* sink) const noexcept = 0;
+
+  virtual void Destroy() noexcept = 0;
+
+ protected:
+  ~Model() = default;
+};
+
+}  // namespace dreamsearch

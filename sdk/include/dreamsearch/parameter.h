@@ -1,0 +1,148 @@
+// parameter.h - how a component declares its settings and is given their values.
+//
+// A declaration is the only place where a setting's type, default, range, unit
+// and help are written: command-line help, `runner describe`, range checks and
+// the run's stored configuration all come from it.
+//
+// Values resolve as default < preset < configuration file < command line. The
+// factory gets every declared parameter, so Get* never misses a declared name.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+enum class ParameterType : std::uint32_t { kBool = 0, kInt = 1, kReal = 2, kChoice = 3 };
+
+// The value a parameter takes under a named preset; for kBool 0 or 1, for
+// kChoice see `choice`.
+struct PresetValue {
+  const char* preset = nullptr;
+  double number = 0;
+  const char* choice = nullptr;
+};
+
+inline constexpr std::uint32_t kMaxPresets = 4;
+
+struct ParameterSpec {
+  const char* name = nullptr;  // snake_case, unique in its component
+  ParameterType type = ParameterType::kReal;
+  std::uint32_t preset_count = 0;
+  double default_number = 0;             // kBool (0, 1), kInt, kReal
+  double min = 0;                        // kInt, kReal: inclusive
+  double max = 0;                        // kInt, kReal: inclusive
+  const char* default_choice = nullptr;  // kChoice
+  const char* choices = nullptr;         // kChoice: "one,two,three"
+  const char* unit = nullptr;            // "" when it has none
+  const char* help = nullptr;            // one sentence, with its source
+  PresetValue presets[kMaxPresets];
+
+  // Declares another value for a preset. Usable in constant expressions.
+  constexpr ParameterSpec Preset(const char* preset, double number) const {
+    ParameterSpec copy = *this;
+    copy.presets[copy.preset_count++] = {preset, number, nullptr};
+    return copy;
+  }
+  constexpr ParameterSpec Preset(const char* preset, const char* choice) const {
+    ParameterSpec copy = *this;
+    copy.presets[copy.preset_count++] = {preset, 0, choice};
+    return copy;
+  }
+};
+
+constexpr ParameterSpec BoolParameter(const char* name, bool value, const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kBool;
+  spec.default_number = value ? 1 : 0;
+  spec.max = 1;
+  spec.unit = "";
+  spec.help = help;
+  return spec;
+}
+
+constexpr ParameterSpec IntParameter(const char* name, std::int64_t value, std::int64_t min,
+                                     std::int64_t max, const char* unit, const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kInt;
+  spec.default_number = static_cast<double>(value);
+  spec.min = static_cast<double>(min);
+  spec.max = static_cast<double>(max);
+  spec.unit = unit;
+  spec.help = help;
+  return spec;
+}
+
+constexpr ParameterSpec RealParameter(const char* name, double value, double min, double max,
+                                      const char* unit, const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kReal;
+  spec.default_number = value;
+  spec.min = min;
+  spec.max = max;
+  spec.unit = unit;
+  spec.help = help;
+  return spec;
+}
+
+// `choices` is "one,two,three"; `value` is one of them.
+constexpr ParameterSpec ChoiceParameter(const char* name, const char* value, const char* choices,
+                                        const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kChoice;
+  spec.default_choice = value;
+  spec.choices = choices;
+  spec.unit = "";
+  spec.help = help;
+  return spec;
+}
+
+// One resolved value. Numbers of kInt fit a double exactly (|v| <= 2^53).
+struct ParameterValue {
+  const char* name = nullptr;
+  double number = 0;
+  const char* choice = nullptr;
+};
+
+// The resolved values of one component, valid during the factory call.
+struct Parameters {
+  View<const ParameterValue> values;
+
+  const ParameterValue* Find(const char* name) const noexcept {
+    for (const ParameterValue& value : values) {
+      if (std::strcmp(value.name, name) == 0) return &value;
+    }
+    return nullptr;
+  }
+  // The name must be a declared one; an undeclared name reads as 0 or "".
+  bool GetBool(const char* name) const noexcept { return GetReal(name) != 0; }
+  std::int64_t GetInt(const char* name) const noexcept {
+    return static_cast<std::int64_t>(GetReal(name));
+  }
+  double GetReal(const char* name) const noexcept {
+    const ParameterValue* value = Find(name);
+    return value != nullptr ? value->number : 0;
+  }
+  const char* GetChoice(const char* name) const noexcept {
+    const ParameterValue* value = Find(name);
+    return value != nullptr && value->choice != nullptr ? value->choice : "";
+  }
+  bool IsChoice(const char* name, const char* choice) const noexcept {
+    return std::strcmp(GetChoice(name), choice) == 0;
+  }
+};
+
+// A number that a component reports (a loss, a search statistic).
+struct MetricSpec {
+  const char* name = nullptr;  // snake_case, unique in its component
+  const char* unit = nullptr;  // "" when it has none
+  const char* help = nullptr;
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,91 @@
+// planner.h - the interface a planner plugin implements.
+//
+// A planner picks one action by searching ahead in the latent space of a
+// LatentModel. It never sees the simulator, the observation or the results
+// database, so every planner runs on every model and every task.
+//
+// Shapes   A is the task's action size. A latent is opaque: copy it, keep it,
+//          hand it back to the model it came from; never read it.
+// Units    actions lie in [-1, 1]; a value is the discounted sum of the rewards
+//          still to come, one reward per decision (after action repeat).
+// Memory   views belong to the caller and are valid only during the call. Plan
+//          allocates nothing once it has run for the first time.
+// Threads  one thread drives an instance at a time; instances share nothing.
+// Errors   every call returns a Status and lets no exception out.
+#pragma once
+
+#include <cstdint>
+
+#include "dreamsearch/model.h"
+#include "dreamsearch/parameter.h"
+#include "dreamsearch/status.h"
+#include "dreamsearch/stream.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+// One edge of a search tree and the node it leads to, for pictures and tests.
+struct TreeEdge {
+  std::int64_t parent = -1;   // index of the parent's edge; -1 at the root
+  View<const double> action;  // [A]
+  std::uint64_t visits = 0;   // N
+  double q = 0;               // Q; 0 while N is 0
+  double prior = 0;           // P
+  double reward = 0;          // R: r(s'); 0 while not expanded
+  double discount = 0;        // discount of the transition; 0 while not expanded
+  double value = 0;           // v(s'); 0 while not expanded
+  bool expanded = false;
+};
+
+// Receives the edges of a finished search, parents before children.
+class TreeSink {
+ public:
+  virtual void Edge(const TreeEdge& edge) noexcept = 0;
+
+ protected:
+  ~TreeSink() = default;
+};
+
+struct PlanRequest {
+  ConstLatents root;                   // [1, latent_bytes]
+  bool explore = false;                // add exploration noise
+  std::uint64_t seed = 0;              // decides every draw of this decision
+  std::uint64_t decision = 0;          // index in the episode
+  std::uint64_t environment_step = 0;  // environment steps the run has made
+  TreeSink* tree = nullptr;            // where to report the tree; may be null
+};
+
+struct PlanResult {
+  View<double> action;            // [A], filled by Plan, each in [-1, 1]
+  View<double> metrics;           // one for each MetricSpec of the component, filled by Plan
+  double value = 0;               // the planner's estimate of the root's value
+  std::uint32_t simulations = 0;  // trajectories or tree simulations made
+  std::uint32_t nodes = 0;        // latents evaluated and kept
+  std::uint32_t depth = 0;        // most transitions from the root
+};
+
+class Planner {
+ public:
+  // Forgets the episode before and plans with `model` from now on. The model
+  // outlives the episode.
+  //   kInvalidArgument     the model's sizes are not those the planner was made for.
+  virtual Status BeginEpisode(LatentModel* model) noexcept = 0;
+
+  // Chooses the action of one decision.
+  //   kFailedPrecondition  no episode has begun.
+  //   kInvalidArgument     a view has the wrong size.
+  //   any error of the model, passed on; *result is then unset.
+  virtual Status Plan(const PlanRequest& request, PlanResult* result) noexcept = 0;
+
+  // What it carries from one decision to the next (a warm start, a kept tree).
+  // Load is called after BeginEpisode.
+  virtual Status Save(ByteSink* sink) const noexcept = 0;
+  virtual Status Load(ByteSource* source) noexcept = 0;
+
+  virtual void Destroy() noexcept = 0;
+
+ protected:
+  ~Planner() = default;
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,142 @@
+// plugin.h - what a shared library exports to be a dreamsearch plugin.
+//
+// A library exports one C function, `dreamsearch_plugin_v1` (named after the
+// SDK's major version), that returns its PluginDescriptor. Everything else is
+// hidden. The descriptor and all it points to are constant and live as long as
+// the library, which the host keeps loaded until it exits.
+//
+//   const ComponentDescriptor kComponents[] = {{ .kind = ..., .name = ... }};
+//   DREAMSEARCH_PLUGIN("my_planner", "1.0.0", kComponents)
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+
+#include "dreamsearch/environment.h"
+#include "dreamsearch/model.h"
+#include "dreamsearch/parameter.h"
+#include "dreamsearch/planner.h"
+#include "dreamsearch/status.h"
+#include "dreamsearch/version.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+enum class ComponentKind : std::uint32_t { kEnvironment = 1, kModel = 2, kPlanner = 3 };
+
+inline const char* ComponentKindName(ComponentKind kind) noexcept {
+  switch (kind) {
+    case ComponentKind::kEnvironment: return "environment";
+    case ComponentKind::kModel: return "model";
+    case ComponentKind::kPlanner: return "planner";
+  }
+  return "unknown";
+}
+
+struct EnvironmentContext {
+  Parameters parameters;
+};
+
+struct ModelContext {
+  Parameters parameters;
+  std::uint64_t observation_size = 0;      // O
+  std::uint64_t action_size = 0;           // A
+  std::uint32_t action_repeat = 1;         // environment steps a decision
+  std::uint32_t episode_decisions = 0;     // decisions in an episode
+  std::uint64_t seed = 0;                  // initial parameters
+  std::uint32_t threads = 1;               // threads it may use; results do not depend on it
+  // Only for a model with needs_environment: an environment of its own, which it
+  // does not destroy and which outlives it; otherwise null.
+  Environment* environment = nullptr;
+  // Only for such a model, and only if the run names a trained run: that run's
+  // model, for proposal and value; otherwise null. Outlives it.
+  Model* behaviour = nullptr;
+};
+
+struct PlannerContext {
+  Parameters parameters;
+  std::uint64_t action_size = 0;   // A
+  std::uint64_t latent_bytes = 0;  // of the model it will plan with
+};
+
+// Factories return an object that its Destroy() ends, or a failed Status that
+// says what is wrong with the settings; *result is then null.
+using EnvironmentFactory = Status (*)(const EnvironmentContext& context,
+                                      Environment** result) noexcept;
+using ModelFactory = Status (*)(const ModelContext& context, Model** result) noexcept;
+using PlannerFactory = Status (*)(const PlannerContext& context, Planner** result) noexcept;
+
+// One thing a plugin offers. Exactly the factory of its kind is set.
+struct ComponentDescriptor {
+  ComponentKind kind = ComponentKind::kEnvironment;
+  bool needs_environment = false;   // models only: see ModelContext::environment
+  const char* name = nullptr;       // [a-z][a-z0-9_]*, unique among components of its kind
+  const char* aliases = nullptr;    // other names, "one,two"; may be null
+  const char* version = nullptr;    // of the component
+  const char* summary = nullptr;    // one line
+  View<const ParameterSpec> parameters;
+  View<const MetricSpec> metrics;   // what Plan or Train reports
+  EnvironmentFactory create_environment = nullptr;
+  ModelFactory create_model = nullptr;
+  PlannerFactory create_planner = nullptr;
+};
+
+// A number that changes when the memory layout of the boundary changes: the
+// sizes of every struct that crosses it, as this compiler lays them out.
+constexpr std::uint64_t LayoutTag() noexcept {
+  std::uint64_t tag = DREAMSEARCH_SDK_MAJOR;
+  for (const std::uint64_t size :
+       {std::uint64_t{sizeof(Status)}, sizeof(View<double>), sizeof(MatrixView<double>), sizeof(ParameterSpec),
+        sizeof(ParameterValue), sizeof(MetricSpec), sizeof(ObservationPart),
+        sizeof(EnvironmentSpec), sizeof(StepResult), sizeof(RenderRequest), sizeof(ImagineRequest),
+        sizeof(ImagineResult), sizeof(ObserveRequest), sizeof(SequenceBatch), sizeof(TrainRequest),
+        sizeof(TreeEdge), sizeof(PlanRequest), sizeof(PlanResult), sizeof(EnvironmentContext),
+        sizeof(ModelContext), sizeof(PlannerContext), sizeof(ComponentDescriptor)}) {
+    tag = tag * 1099511628211ull ^ size;
+  }
+  return tag;
+}
+
+// Counts changes to the order or the number of virtual functions, which no
+// layout tag can see. Raise it with every such change.
+inline constexpr std::uint32_t kInterfaceRevision = 1;
+
+inline constexpr std::uint64_t kPluginMagic = 0x6d61657264534e50ull;
+
+// The first four fields keep their place in every version, so that a host can
+// refuse a library of any other version before it reads further.
+struct PluginDescriptor {
+  std::uint64_t magic = kPluginMagic;
+  std::uint32_t sdk_major = DREAMSEARCH_SDK_MAJOR;
+  std::uint32_t sdk_minor = DREAMSEARCH_SDK_MINOR;
+  std::uint32_t struct_size = 0;
+  std::uint32_t interface_revision = kInterfaceRevision;
+  std::uint64_t layout_tag = LayoutTag();
+  const char* name = nullptr;
+  const char* version = nullptr;
+  View<const ComponentDescriptor> components;
+};
+
+using PluginEntry = const PluginDescriptor* (*)();
+
+inline constexpr const char* kPluginEntrySymbol = "dreamsearch_plugin_v1";
+
+template <std::uint64_t N, typename T>
+constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
+  return {array, N};
+}
+
+}  // namespace dreamsearch
+
+// Exports `components`, an array of ComponentDescriptor with static storage.
+#define DREAMSEARCH_PLUGIN(plugin_name, plugin_version, plugin_components)                        \
+  extern "C" __attribute__((visibility("default"))) const ::dreamsearch::PluginDescriptor*        \
+  dreamsearch_plugin_v1() {                                                                       \
+    static constexpr ::dreamsearch::PluginDescriptor descriptor = {                               \
+        .struct_size = sizeof(::dreamsearch::PluginDescriptor),                                   \
+        .name = plugin_name,                                                                      \
+        .version = plugin_version,                                                                \
+        .components = ::dreamsearch::ViewOf(plugin_components)};                                  \
+    return &descriptor;                                                                           \
+  }
