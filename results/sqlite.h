@@ -1,0 +1,128 @@
+// sqlite.h - a connection to an SQLite file and its prepared statements.
+//
+// Values are bound, never pasted into SQL. Every failure is an Error with the
+// absolute path of the file and an exit code. A connection is used by one thread
+// and is not carried over fork().
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace dreamsearch::results {
+
+// One prepared statement. Bind all parameters in order, then step:
+//
+//   statement.Bind(run_id, "walker_walk", 0.5);
+//   while (statement.Step()) use(statement.Int(0), statement.Text(1));
+class Statement {
+ public:
+  Statement() = default;
+  Statement(sqlite3_stmt* statement, const std::string* path)
+      : statement_(statement), path_(path) {}
+  Statement(Statement&& other) noexcept
+      : statement_(std::exchange(other.statement_, nullptr)), path_(other.path_) {}
+  Statement& operator=(Statement&& other) noexcept {
+    std::swap(statement_, other.statement_);
+    std::swap(path_, other.path_);
+    return *this;
+  }
+  ~Statement();
+
+  // Resets the statement and binds its parameters ?1, ?2, ... A text must live
+  // until the statement is stepped; a double that is not finite is bound as NULL.
+  template <typename... Values>
+  Statement& Bind(const Values&... values) {
+    Reset();
+    int index = 0;
+    (BindOne(++index, values), ...);
+    return *this;
+  }
+
+  // True with a row, false at the end; at the end the statement is reset.
+  bool Step();
+  // For a statement without rows.
+  void Run();
+  void Reset();
+
+  int columns() const;
+  std::string ColumnName(int column) const;
+  bool IsNull(int column) const;
+  bool IsInt(int column) const;
+  bool IsReal(int column) const;
+  std::int64_t Int(int column) const;
+  double Real(int column) const;
+  std::string Text(int column) const;
+  std::optional<std::int64_t> OptionalInt(int column) const;
+  std::optional<double> OptionalReal(int column) const;
+
+ private:
+  void BindOne(int index, std::int64_t value);
+  void BindOne(int index, int value) { BindOne(index, std::int64_t{value}); }
+  void BindOne(int index, unsigned value) { BindOne(index, std::int64_t{value}); }
+  void BindOne(int index, bool value) { BindOne(index, std::int64_t{value}); }
+  void BindOne(int index, double value);
+  void BindOne(int index, std::string_view value);
+  void BindOne(int index, const std::string& value) { BindOne(index, std::string_view(value)); }
+  void BindOne(int index, const char* value) { BindOne(index, std::string_view(value)); }
+  void BindOne(int index, std::nullopt_t);
+  template <typename T>
+  void BindOne(int index, const std::optional<T>& value) {
+    if (value) {
+      BindOne(index, *value);
+    } else {
+      BindOne(index, std::nullopt);
+    }
+  }
+
+  sqlite3_stmt* statement_ = nullptr;
+  const std::string* path_ = nullptr;
+};
+
+enum class OpenMode { kReadOnly, kReadWrite, kCreate };
+
+class Connection {
+ public:
+  // Opens the file itself and looks at nothing in it. `path` is made absolute.
+  Connection(const std::string& path, OpenMode mode);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  const std::string& path() const { return path_; }
+  sqlite3* handle() const { return handle_; }
+
+  Statement Prepare(std::string_view sql);
+  // Runs statements that return nothing of interest; takes no outside text.
+  void Execute(const std::string& sql);
+  // The first column of the first row, or nothing.
+  std::optional<std::int64_t> QueryInt(std::string_view sql);
+  std::string QueryText(std::string_view sql);
+  std::int64_t LastInsertId() const;
+  std::int64_t Changes() const;  // rows of the last statement, triggers not counted
+
+  // Runs `body` between BEGIN IMMEDIATE and COMMIT, so that it waits for other
+  // writers at its start and never in its middle. If anything throws, nothing of
+  // it is stored. A transaction within a transaction is part of the outer one.
+  void Transact(const std::function<void()>& body);
+
+ private:
+  sqlite3* handle_ = nullptr;
+  std::string path_;
+  bool in_transaction_ = false;
+};
+
+// The absolute form of a path, for messages and comparisons.
+std::string AbsolutePath(const std::string& path);
+
+// Throws the Error for what the connection last reported. `what` says what was
+// being done.
+[[noreturn]] void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what);
+
+}  // namespace dreamsearch::results
