@@ -1,0 +1,66 @@
+// run_parameters.h - the host's own settings, `run.*`.
+//
+// Declared like a plugin's, so that ranges, presets, help and the stored
+// configuration work the same way. The schedule is that of Dreamer (Hafner et al.
+// 2020) as changed by Koul et al. 2020, "Dream and Search to Control".
+#pragma once
+
+#include "dreamsearch/parameter.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+// In units of "steps", an environment step is a control step of the simulator,
+// before action repeat.
+inline constexpr ParameterSpec kRunParameters[] = {
+    IntParameter("steps", 100000, 1, 1000000000000, "steps",
+                 "Budget of a run in environment steps; --steps sets it.")
+        .Preset("fast", 100000)
+        .Preset("paper", 2000000),
+    IntParameter("action_repeat", 2, 1, 16, "steps",
+                 "Environment steps for which a decision's action is held.")
+        .Preset("fast", 2)
+        .Preset("paper", 2),
+    IntParameter("prefill_steps", 5000, 0, 1000000000, "steps",
+                 "Environment steps of uniformly random actions before the first training "
+                 "episode; they count in the budget.")
+        .Preset("fast", 5000)
+        .Preset("paper", 5000),
+    IntParameter("pretrain_updates", 100, 0, 1000000, "updates",
+                 "Updates before the first training episode (Dreamer).")
+        .Preset("fast", 100)
+        .Preset("paper", 100),
+    IntParameter("train_every", 10, 1, 1000000, "steps",
+                 "Environment steps for which one update is made, at each episode's end.")
+        .Preset("fast", 10)
+        .Preset("paper", 10),
+    IntParameter("batch_size", 50, 1, 4096, "sequences", "Sequences in a training batch.")
+        .Preset("fast", 50)
+        .Preset("paper", 50),
+    IntParameter("sequence_length", 50, 2, 1000, "decisions",
+                 "Decisions in a training sequence, all of one episode.")
+        .Preset("fast", 50)
+        .Preset("paper", 50),
+    IntParameter("eval_episodes", 5, 1, 1000, "episodes",
+                 "Episodes of an evaluation, with the same initial states every time.")
+        .Preset("fast", 5)
+        .Preset("paper", 5),
+    IntParameter("eval_every", 0, 0, 1000000000, "steps",
+                 "Environment steps between evaluations; 0: min(10000, steps / 10).")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
+    IntParameter("checkpoint_every", 5000, 1, 1000000000, "steps",
+                 "Environment steps between checkpoints.")
+        .Preset("fast", 5000)
+        .Preset("paper", 5000),
+    IntParameter("replay_capacity", 0, 0, 1000000000, "decisions",
+                 "Decisions the replay keeps, the oldest episodes leave first; 0: the whole budget.")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
+};
+
+inline constexpr View<const ParameterSpec> RunParameters() noexcept {
+  return {kRunParameters, sizeof kRunParameters / sizeof kRunParameters[0]};
+}
+
+}  // namespace dreamsearch
