@@ -23,7 +23,7 @@ struct Setting {
   std::string key;
   std::string value;
   bool from_file = false;
-  std::string where;  // "on the command line", "in /path/x.cfg, line 3"
+  std::string where;  // "runner: --set", "/path/x.cfg, line 3": begins a message
 };
 
 // What every command that runs experiments understands.
