@@ -14,7 +14,8 @@ constexpr std::uint64_t kStateMagic = 0x31307473636d6473ull;  // "sdmcst01"
 // FNV-1a.
 std::uint64_t HashName(const char* name) {
   std::uint64_t hash = 14695981039346656037ull;
-  for (; *name != '\0'; ++name) hash = (hash ^ static_cast<unsigned char>(*name)) * 1099511628211ull;
+  for (; *name != '\0'; ++name)
+    hash = (hash ^ static_cast<unsigned char>(*name)) * 1099511628211ull;
   return hash;
 }
 
@@ -73,8 +74,9 @@ ControlTask::ControlTask(TaskSettings settings)
 
 Status ControlTask::Reset(std::uint32_t seed, View<double> observation) noexcept {
   if (observation.size != spec_.observation_size) {
-    return Error(StatusCode::kInvalidArgument, "%s: Reset: expected %llu observation entries, got %llu",
-                 name_, static_cast<unsigned long long>(spec_.observation_size),
+    return Error(StatusCode::kInvalidArgument,
+                 "%s: Reset: expected %llu observation entries, got %llu", name_,
+                 static_cast<unsigned long long>(spec_.observation_size),
                  static_cast<unsigned long long>(observation.size));
   }
   running_ = false;
@@ -113,8 +115,9 @@ Status ControlTask::Step(View<const double> action, View<double> observation,
   }
   for (std::uint64_t i = 0; i < action.size; ++i) {
     if (!std::isfinite(action[i])) {
-      return Error(StatusCode::kInvalidArgument, "%s: Step %u: action[%llu] is %g, expected a number",
-                   name_, steps_ + 1, static_cast<unsigned long long>(i), action[i]);
+      return Error(StatusCode::kInvalidArgument,
+                   "%s: Step %u: action[%llu] is %g, expected a number", name_, steps_ + 1,
+                   static_cast<unsigned long long>(i), action[i]);
     }
   }
   try {
@@ -159,8 +162,8 @@ void ControlTask::PackState() {
 
 Status ControlTask::SaveState(View<std::byte> state) const noexcept {
   if (state.size != spec_.state_bytes) {
-    return Error(StatusCode::kInvalidArgument, "%s: SaveState: expected %llu bytes, got %llu", name_,
-                 static_cast<unsigned long long>(spec_.state_bytes),
+    return Error(StatusCode::kInvalidArgument, "%s: SaveState: expected %llu bytes, got %llu",
+                 name_, static_cast<unsigned long long>(spec_.state_bytes),
                  static_cast<unsigned long long>(state.size));
   }
   const std::size_t bytes = packed_.size() * sizeof(double);
@@ -285,8 +288,7 @@ Status ControlTask::FirstWarning(const char* when) const {
   for (int i = 0; i < mjNWARNING; ++i) {
     if (data_->warning[i].number == 0) continue;
     return Error(StatusCode::kDiverged, "%s: engine warning %s, step %u of the episode: %s", name_,
-                 when, running_ ? steps_ + 1 : 0,
-                 mju_warningText(i, data_->warning[i].lastinfo));
+                 when, running_ ? steps_ + 1 : 0, mju_warningText(i, data_->warning[i].lastinfo));
   }
   return OkStatus();
 }

@@ -7,10 +7,24 @@ namespace dreamsearch::dmc {
 
 // Each makes a new instance, which its Destroy() ends.
 //   EngineError  the model does not compile (a defect of this plugin).
+ControlTask* MakeAcrobotSwingup();
+ControlTask* MakeAcrobotSwingupSparse();
 ControlTask* MakeCartpoleBalance();
 ControlTask* MakeCartpoleBalanceSparse();
 ControlTask* MakeCartpoleSwingup();
 ControlTask* MakeCartpoleSwingupSparse();
+ControlTask* MakeCheetahRun();
+ControlTask* MakeBallInCupCatch();
+ControlTask* MakeFingerSpin();
+ControlTask* MakeFingerTurnEasy();
+ControlTask* MakeFingerTurnHard();
+ControlTask* MakeHopperHop();
+ControlTask* MakeHopperStand();
+ControlTask* MakePendulumSwingup();
+ControlTask* MakeQuadrupedRun();
+ControlTask* MakeQuadrupedWalk();
+ControlTask* MakeReacherEasy();
+ControlTask* MakeReacherHard();
 ControlTask* MakeWalkerRun();
 ControlTask* MakeWalkerStand();
 ControlTask* MakeWalkerWalk();
@@ -23,14 +37,33 @@ struct TaskEntry {
 };
 
 inline constexpr TaskEntry kTasks[] = {
-    {"cartpole_balance", nullptr, "keep a pole upright on a cart that starts below it",
+    {"acrobot_swingup", nullptr, "swing a two-link arm up to a target by its elbow",
+     MakeAcrobotSwingup},
+    {"acrobot_swingup_sparse", nullptr, "the same, rewarded only at the target",
+     MakeAcrobotSwingupSparse},
+    {"cartpole_balance", nullptr, "keep a pole upright on a cart, starting upright",
      MakeCartpoleBalance},
-    {"cartpole_balance_sparse", nullptr, "the same, rewarded only while upright and near the centre",
+    {"cartpole_balance_sparse", nullptr, "the same, rewarded only while upright near the centre",
      MakeCartpoleBalanceSparse},
-    {"cartpole_swingup", nullptr, "swing a hanging pole up and keep it upright",
+    {"cartpole_swingup", nullptr, "swing a hanging pole up on a cart and keep it upright",
      MakeCartpoleSwingup},
-    {"cartpole_swingup_sparse", nullptr,
-     "the same, rewarded only while upright and near the centre", MakeCartpoleSwingupSparse},
+    {"cartpole_swingup_sparse", nullptr, "the same, rewarded only while upright near the centre",
+     MakeCartpoleSwingupSparse},
+    {"cheetah_run", nullptr, "a planar running animal: run at 10 m/s", MakeCheetahRun},
+    {"cup_catch", "ball_in_cup_catch", "swing a ball on a string into a cup", MakeBallInCupCatch},
+    {"finger_spin", nullptr, "spin a free body with a two-joint finger at 15 rad/s",
+     MakeFingerSpin},
+    {"finger_turn_easy", nullptr, "turn a free body's tip to a large target", MakeFingerTurnEasy},
+    {"finger_turn_hard", nullptr, "turn a free body's tip to a small target", MakeFingerTurnHard},
+    {"hopper_hop", nullptr, "a planar one-legged robot: hop forward at 2 m/s", MakeHopperHop},
+    {"hopper_stand", nullptr, "a planar one-legged robot: stand with little control",
+     MakeHopperStand},
+    {"pendulum_swingup", nullptr,
+     "swing a pendulum up with a weak motor, rewarded only near the top", MakePendulumSwingup},
+    {"quadruped_run", nullptr, "a four-legged robot: run at 5 m/s", MakeQuadrupedRun},
+    {"quadruped_walk", nullptr, "a four-legged robot: walk at 0.5 m/s", MakeQuadrupedWalk},
+    {"reacher_easy", nullptr, "reach a large target with a planar two-link arm", MakeReacherEasy},
+    {"reacher_hard", nullptr, "reach a small target with a planar two-link arm", MakeReacherHard},
     {"walker_run", nullptr, "a planar biped: stand up and run at 8 m/s", MakeWalkerRun},
     {"walker_stand", nullptr, "a planar biped: stand up", MakeWalkerStand},
     {"walker_walk", nullptr, "a planar biped: stand up and walk at 1 m/s", MakeWalkerWalk},

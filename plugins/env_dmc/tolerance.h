@@ -38,14 +38,30 @@ class Tolerance {
       throw std::invalid_argument("tolerance: value at the margin must be in (0, 1)");
     }
     switch (falloff) {
-      case Falloff::kGaussian: scale_ = std::sqrt(-2 * std::log(value)); break;
-      case Falloff::kHyperbolic: scale_ = std::acosh(1 / value); break;
-      case Falloff::kLongTail: scale_ = std::sqrt(1 / value - 1); break;
-      case Falloff::kReciprocal: scale_ = 1 / value - 1; break;
-      case Falloff::kCosine: scale_ = std::acos(2 * value - 1) / std::numbers::pi; break;
-      case Falloff::kLinear: scale_ = 1 - value; break;
-      case Falloff::kQuadratic: scale_ = std::sqrt(1 - value); break;
-      case Falloff::kTanhSquared: scale_ = std::atanh(std::sqrt(1 - value)); break;
+      case Falloff::kGaussian:
+        scale_ = std::sqrt(-2 * std::log(value));
+        break;
+      case Falloff::kHyperbolic:
+        scale_ = std::acosh(1 / value);
+        break;
+      case Falloff::kLongTail:
+        scale_ = std::sqrt(1 / value - 1);
+        break;
+      case Falloff::kReciprocal:
+        scale_ = 1 / value - 1;
+        break;
+      case Falloff::kCosine:
+        scale_ = std::acos(2 * value - 1) / std::numbers::pi;
+        break;
+      case Falloff::kLinear:
+        scale_ = 1 - value;
+        break;
+      case Falloff::kQuadratic:
+        scale_ = std::sqrt(1 - value);
+        break;
+      case Falloff::kTanhSquared:
+        scale_ = std::atanh(std::sqrt(1 - value));
+        break;
     }
   }
 
@@ -54,14 +70,20 @@ class Tolerance {
     if (margin_ == 0) return 0;
     const double s = (x < low_ ? low_ - x : x - high_) / margin_ * scale_;
     switch (falloff_) {
-      case Falloff::kGaussian: return std::exp(-0.5 * (s * s));
-      case Falloff::kHyperbolic: return 1 / std::cosh(s);
-      case Falloff::kLongTail: return 1 / (s * s + 1);
-      case Falloff::kReciprocal: return 1 / (std::abs(s) + 1);
+      case Falloff::kGaussian:
+        return std::exp(-0.5 * (s * s));
+      case Falloff::kHyperbolic:
+        return 1 / std::cosh(s);
+      case Falloff::kLongTail:
+        return 1 / (s * s + 1);
+      case Falloff::kReciprocal:
+        return 1 / (std::abs(s) + 1);
       case Falloff::kCosine:
         return std::abs(s) < 1 ? (1 + std::cos(std::numbers::pi * s)) / 2 : 0;
-      case Falloff::kLinear: return std::abs(s) < 1 ? 1 - s : 0;
-      case Falloff::kQuadratic: return std::abs(s) < 1 ? 1 - s * s : 0;
+      case Falloff::kLinear:
+        return std::abs(s) < 1 ? 1 - s : 0;
+      case Falloff::kQuadratic:
+        return std::abs(s) < 1 ? 1 - s * s : 0;
       case Falloff::kTanhSquared: {
         const double t = std::tanh(s);
         return 1 - t * t;
