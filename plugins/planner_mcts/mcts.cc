@@ -1,0 +1,184 @@
+#include "mcts.h"
+
+#include "tree_planner.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr ParameterSpec kC1Parameter =
+    RealParameter("c1", 1.25, 0, 1e6, "", "c1 of the selection rule (Schrittwieser et al. 2020).");
+constexpr ParameterSpec kC2Parameter =
+    RealParameter("c2", 19652, 1e-6, 1e12, "visits",
+                  "c2 of the selection rule (Schrittwieser et al. 2020).");
+constexpr ParameterSpec kPuctScaleParameter =
+    RealParameter("puct_scale", 1, 0, 1e6, "",
+                  "Multiplies the exploration term; the paper lists a c_puct of 0.05 and uses it "
+                  "in no equation.");
+constexpr ParameterSpec kFirstPlayParameter =
+    ChoiceParameter("first_play", "parent_mean", "parent_mean,zero",
+                    "Normalised Q of an action not yet tried: that of the visit-weighted mean of "
+                    "its siblings, or 0.");
+
+constexpr ParameterSpec kPwParameters[] = {
+    kSimulationsParameter,
+    RealParameter("widening_constant", 1, 1e-3, 1e6, "actions",
+                  "C in the widening rule: a node with n visits and fewer than C n^alpha actions "
+                  "gets one more (Koul et al. 2020)."),
+    RealParameter("widening_exponent", 0.5, 0, 1, "",
+                  "alpha in the widening rule (Koul et al. 2020)."),
+    kC1Parameter,
+    kC2Parameter,
+    kPuctScaleParameter,
+    kFirstPlayParameter,
+    kEdgeRewardParameter,
+    kNoiseParameter,
+    kLeafBatchParameter,
+    kReuseParameter,
+};
+
+constexpr ParameterSpec kFixedParameters[] = {
+    kSimulationsParameter,
+    IntParameter("children", 20, 1, 10000, "actions",
+                 "Actions sampled from the actor at each node (Koul et al. 2020)."),
+    kC1Parameter,
+    kC2Parameter,
+    kPuctScaleParameter,
+    kFirstPlayParameter,
+    kEdgeRewardParameter,
+    kNoiseParameter,
+    kLeafBatchParameter,
+    kReuseParameter,
+};
+
+// Selection by
+//
+//     Qbar(a) + P(a) sqrt(n) / (1 + N(a)) (c1 + ln((n + c2 + 1) / c2)),  n = sum_b N(b),
+//
+// with P uniform over the node's actions and Qbar the min-max normalised Q. A
+// simulation in flight counts as a visit whose Qbar was 0. Ties go to the action
+// created first.
+class Mcts : public TreePlanner {
+ protected:
+  Mcts(const PlannerContext& context, std::uint64_t max_edges)
+      : TreePlanner(context, max_edges),
+        parent_mean_(context.parameters.IsChoice("first_play", "parent_mean")) {
+    const double c1 = context.parameters.GetReal("c1");
+    const double c2 = context.parameters.GetReal("c2");
+    const double scale = context.parameters.GetReal("puct_scale");
+    exploration_.resize(simulations() + 1);
+    for (std::uint64_t i = 0; i <= simulations(); ++i) {
+      const double n = static_cast<double>(i);
+      exploration_[i] = scale * std::sqrt(n) * (c1 + std::log((n + c2 + 1) / c2));
+    }
+  }
+
+  // The best child by the rule above; the node has children.
+  Index BestChild(Index node) const noexcept {
+    const Index visits = tree_.visits(node);
+    const double exploration =
+        exploration_[visits + tree_.in_flight(node)] / tree_.child_count(node);
+    const double q_min = tree_.q_min();
+    const double q_scale = tree_.q_scale();
+    const double first_play =
+        parent_mean_ && visits > 0 ? (tree_.mean_q(node) - q_min) * q_scale : 0;
+    Index best = SearchTree::kNone;
+    double best_score = 0;
+    for (Index edge = tree_.first_child(node); edge != SearchTree::kNone;
+         edge = tree_.next_sibling(edge)) {
+      const double edge_visits = tree_.edge_visits(edge);
+      double q = edge_visits > 0 ? (tree_.q(edge) - q_min) * q_scale : first_play;
+      double all_visits = edge_visits;
+      if (const double in_flight = tree_.edge_in_flight(edge); in_flight > 0) {
+        all_visits += in_flight;
+        q *= edge_visits / all_visits;
+      }
+      const double score = q + exploration / (1 + all_visits);
+      if (best == SearchTree::kNone || score > best_score) {
+        best = edge;
+        best_score = score;
+      }
+    }
+    return best;
+  }
+
+  Index ChoosePlayed() noexcept override { return LargestQ(); }
+
+ private:
+  const bool parent_mean_;
+  std::vector<double> exploration_;  // by n: sqrt(n) (c1 + ln(...)), scaled
+};
+
+// Progressive widening (Couetoux et al. 2011): the number of actions at a node grows
+// with its visits.
+class MctsPw final : public Mcts {
+ public:
+  explicit MctsPw(const PlannerContext& context)
+      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))) {
+    const double constant = context.parameters.GetReal("widening_constant");
+    const double exponent = context.parameters.GetReal("widening_exponent");
+    widen_below_.resize(simulations() + 1);
+    for (std::uint64_t n = 0; n <= simulations(); ++n) {
+      widen_below_[n] =
+          n == 0 ? 1 : constant * std::pow(static_cast<double>(n), exponent);
+    }
+  }
+
+ private:
+  Status ChooseEdge(Index node, Index* edge) noexcept override {
+    const Index children = tree_.child_count(node);
+    if (children == 0 || children < widen_below_[tree_.visits(node) + tree_.in_flight(node)]) {
+      return AddSampledEdges(node, 1, edge);
+    }
+    *edge = BestChild(node);
+    return OkStatus();
+  }
+
+  std::vector<double> widen_below_;  // by n: C n^alpha
+};
+
+// A fixed number of actions a node, sampled when a simulation first passes through
+// it. (Sampling them when the node is expanded draws the same kind of actions for
+// leaves that no simulation ever returns to.)
+class MctsFixed final : public Mcts {
+ public:
+  explicit MctsFixed(const PlannerContext& context)
+      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations")) *
+                          static_cast<std::uint64_t>(context.parameters.GetInt("children"))),
+        children_(static_cast<Index>(context.parameters.GetInt("children"))) {}
+
+ private:
+  Status ChooseEdge(Index node, Index* edge) noexcept override {
+    if (tree_.child_count(node) == 0) {
+      Index first = 0;
+      if (Status status = AddSampledEdges(node, children_, &first); !status.ok()) return status;
+    }
+    *edge = BestChild(node);
+    return OkStatus();
+  }
+
+  const Index children_;
+};
+
+}  // namespace
+
+constexpr ComponentDescriptor kMctsPw = {
+    .kind = ComponentKind::kPlanner,
+    .name = "mcts_pw",
+    .version = "1.0.0",
+    .summary = "Tree search whose nodes gain actions as they gain visits (progressive widening)",
+    .parameters = ViewOf(kPwParameters),
+    .metrics = ViewOf(kTreeMetrics),
+    .create_planner = CreatePlanner<MctsPw>,
+};
+
+constexpr ComponentDescriptor kMctsFixed = {
+    .kind = ComponentKind::kPlanner,
+    .name = "mcts_fixed",
+    .version = "1.0.0",
+    .summary = "Tree search with a fixed number of sampled actions at each node",
+    .parameters = ViewOf(kFixedParameters),
+    .metrics = ViewOf(kTreeMetrics),
+    .create_planner = CreatePlanner<MctsFixed>,
+};
+
+}  // namespace dreamsearch

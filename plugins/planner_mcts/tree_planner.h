@@ -1,0 +1,124 @@
+// tree_planner.h - what every tree search here shares: the loop of simulations.
+//
+// A simulation walks from the root along the edges the derived class chooses to
+// one that is not expanded, asks the model for the transition and the value of the
+// new latent, and backs the return up. Up to `leaf_batch` leaves are collected
+// before the model is called once for all of them; simulations in flight are then
+// counted as virtual losses (Chaslot, Winands, van den Herik 2008). With
+// leaf_batch = 1 none is ever in flight: the plain search, in the same code.
+//
+// The value a search reports is the Q of the root edge it chose: the mean return of
+// the simulations that began with that action, before exploration noise on it.
+#pragma once
+
+#include <vector>
+
+#include "dreamsearch/planning.h"
+#include "search_tree.h"
+
+namespace dreamsearch {
+
+// Parameters every tree search declares.
+constexpr ParameterSpec kSimulationsParameter =
+    IntParameter("simulations", 50, 1, 1000000, "simulations",
+                 "Simulations a decision (Koul et al. 2020).");
+constexpr ParameterSpec kNoiseParameter =
+    RealParameter("noise_std", 0.3, 0, 10, "",
+                  "Standard deviation of the Gaussian noise on every sampled action and on the "
+                  "played one while exploring (Koul et al. 2020).");
+constexpr ParameterSpec kLeafBatchParameter =
+    IntParameter("leaf_batch", 1, 1, 4096, "leaves",
+                 "Leaves collected with virtual loss before one call of the model evaluates them; "
+                 "1 is the plain search.");
+constexpr ParameterSpec kReuseParameter =
+    BoolParameter("reuse_tree", false,
+                  "Keep the chosen action's subtree for the next decision; its visits count "
+                  "towards the simulations. Dropped when noise changed the action.");
+constexpr ParameterSpec kEdgeRewardParameter =
+    BoolParameter("edge_reward", true,
+                  "Count an edge's own reward in its Q; false is the equation as printed in the "
+                  "MuZero paper (Schrittwieser et al. 2020).");
+
+enum TreeMetric {
+  kRootVisitEntropy,
+  kModeDistance,
+  kRootChildren,
+  kMeanLeafDepth,
+  kQGain,
+  kTreeMetricCount
+};
+constexpr MetricSpec kTreeMetrics[] = {
+    {"root_visit_entropy", "nats", "Entropy of the visit distribution over the root's actions."},
+    {"mode_distance", "", "Euclidean distance of the played action from the actor's mode action."},
+    {"root_children", "actions", "Actions tried or kept at the root."},
+    {"mean_leaf_depth", "transitions", "Mean depth of the nodes this decision added."},
+    {"q_gain", "", "Q of the chosen root action above the visit-weighted mean of the root's Qs."},
+};
+static_assert(std::size(kTreeMetrics) == kTreeMetricCount);
+
+class TreePlanner : public Planner {
+ public:
+  using Index = SearchTree::Index;
+
+  Status BeginEpisode(LatentModel* model) noexcept final;
+  Status Plan(const PlanRequest& request, PlanResult* result) noexcept final;
+  // The kept tree, if the option is on.
+  Status Save(ByteSink* sink) const noexcept final;
+  Status Load(ByteSource* source) noexcept final;
+  void Destroy() noexcept final { delete this; }
+
+ protected:
+  // The tree has room for `max_edges` edges and simulations + 1 nodes. Reads the
+  // shared parameters that the component declares.
+  TreePlanner(const PlannerContext& context, std::uint64_t max_edges);
+  virtual ~TreePlanner() = default;
+
+  // Called before a decision's first simulation; the tree has its root.
+  virtual Status BeginSearch() noexcept { return OkStatus(); }
+  // Chooses the edge a simulation follows at an evaluated node, after adding
+  // children where the node should have more.
+  virtual Status ChooseEdge(Index node, Index* edge) noexcept = 0;
+  // Called when a simulation was backed up from `leaf`.
+  virtual void EndSimulation(Index leaf) noexcept { static_cast<void>(leaf); }
+  // The root edge to play after the last simulation; a visited one.
+  virtual Index ChoosePlayed() noexcept = 0;
+
+  // Adds `count` children to `node` with actions sampled from the actor, noisy
+  // while exploring.
+  Status AddSampledEdges(Index node, Index count, Index* first) noexcept;
+  // The visited root edge with the largest Q, the first created of equals.
+  Index LargestQ() const noexcept;
+
+  std::uint64_t simulations() const noexcept { return simulations_; }
+  bool exploring() const noexcept { return explore_; }
+  // A seed of the present decision for draws of the derived class.
+  std::uint64_t SearchSeed() const noexcept;
+  LatentModel* model() noexcept { return model_; }
+
+  SearchTree tree_;
+
+ private:
+  Status Search(std::uint64_t budget) noexcept;
+  Status SelectLeaf(Index* leaf, bool* collided) noexcept;
+  Status EvaluatePending() noexcept;
+  double RootVisitEntropy() const noexcept;
+
+  const PlannerSizes sizes_;
+  const std::uint64_t simulations_;
+  const std::uint64_t leaf_batch_;
+  const double noise_std_;
+  const bool reuse_tree_;
+  const bool edge_reward_;
+  LatentModel* model_ = nullptr;
+
+  // Of the present decision.
+  bool explore_ = false;
+  std::uint64_t seed_ = 0;
+
+  LatentBuffer batch_latents_;         // [leaf_batch], unused when it is 1
+  std::vector<double> batch_actions_;  // [leaf_batch, A]
+  std::vector<double> mode_;           // [A]
+  std::vector<double> played_;         // [A]
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,153 @@
+// planning.h - what most planners need besides the interface.
+//
+// Aligned memory for latents, exploration noise, the checks of planner.h, and a
+// factory that turns exceptions into a Status. Nothing here crosses the plugin
+// boundary: a planner may use all of it or none.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <new>
+#include <stdexcept>
+
+#include "dreamsearch/plugin.h"
+#include "dreamsearch/random.h"
+
+namespace dreamsearch {
+
+// Owns `rows` latents, aligned as models expect them.
+class LatentBuffer {
+ public:
+  LatentBuffer() = default;
+  // Throws std::bad_alloc, std::length_error.
+  LatentBuffer(std::uint64_t rows, std::uint64_t latent_bytes)
+      : rows_(rows), latent_bytes_(latent_bytes) {
+    if (latent_bytes != 0 && rows > PTRDIFF_MAX / latent_bytes) {
+      throw std::length_error("the latents do not fit the address space");
+    }
+    data_.reset(static_cast<std::byte*>(
+        ::operator new(rows * latent_bytes, std::align_val_t{kLatentAlignment})));
+  }
+
+  std::uint64_t rows() const noexcept { return rows_; }
+  Latents middle_rows(std::uint64_t first, std::uint64_t count) noexcept {
+    return {data_.get() + first * latent_bytes_, count, latent_bytes_};
+  }
+  Latents row(std::uint64_t i) noexcept { return middle_rows(i, 1); }
+  ConstLatents row(std::uint64_t i) const noexcept {
+    return {data_.get() + i * latent_bytes_, 1, latent_bytes_};
+  }
+  void Set(std::uint64_t i, ConstLatents latent) noexcept {
+    std::memcpy(data_.get() + i * latent_bytes_, latent.data, latent_bytes_);
+  }
+
+ private:
+  struct Free {
+    void operator()(std::byte* data) const noexcept {
+      ::operator delete(data, std::align_val_t{kLatentAlignment});
+    }
+  };
+  std::unique_ptr<std::byte, Free> data_;
+  std::uint64_t rows_ = 0;
+  std::uint64_t latent_bytes_ = 0;
+};
+
+// Adds N(0, std^2) to every component and clips to [-1, 1]; nothing when std is 0.
+inline void AddExplorationNoise(double std, std::uint64_t seed,
+                                MatrixView<double> actions) noexcept {
+  if (std == 0) return;
+  Random random(seed);
+  for (std::uint64_t i = 0; i < actions.size(); ++i) {
+    actions.data[i] = std::clamp(actions.data[i] + std * random.Normal(), -1.0, 1.0);
+  }
+}
+
+// The Euclidean distance of two actions.
+inline double ActionDistance(View<const double> a, View<const double> b) noexcept {
+  double sum = 0;
+  for (std::uint64_t i = 0; i < a.size; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(sum);
+}
+
+// What a planner was made for; `metrics` counts the component's MetricSpecs.
+struct PlannerSizes {
+  std::uint64_t action_size = 0;
+  std::uint64_t latent_bytes = 0;
+  std::uint64_t metrics = 0;
+};
+
+// The kInvalidArgument of Planner::BeginEpisode.
+inline Status CheckModel(const PlannerSizes& sizes, const LatentModel* model) noexcept {
+  if (model == nullptr) return Error(StatusCode::kInvalidArgument, "the model is null");
+  if (model->latent_bytes() != sizes.latent_bytes || model->action_size() != sizes.action_size) {
+    return Error(StatusCode::kInvalidArgument,
+                 "the planner was made for latents of %llu bytes and %llu action components, "
+                 "the model has %llu and %llu",
+                 static_cast<unsigned long long>(sizes.latent_bytes),
+                 static_cast<unsigned long long>(sizes.action_size),
+                 static_cast<unsigned long long>(model->latent_bytes()),
+                 static_cast<unsigned long long>(model->action_size()));
+  }
+  return OkStatus();
+}
+
+// The kFailedPrecondition and kInvalidArgument of Planner::Plan. `model` is null
+// before the first episode.
+inline Status CheckPlan(const PlannerSizes& sizes, const LatentModel* model,
+                        const PlanRequest& request, const PlanResult* result) noexcept {
+  if (model == nullptr) {
+    return Error(StatusCode::kFailedPrecondition, "Plan before BeginEpisode: there is no model");
+  }
+  if (result == nullptr) return Error(StatusCode::kInvalidArgument, "the result is null");
+  if (request.root.rows != 1 || request.root.cols != sizes.latent_bytes) {
+    return Error(StatusCode::kInvalidArgument,
+                 "the root is [%llu, %llu] bytes, expected [1, %llu]",
+                 static_cast<unsigned long long>(request.root.rows),
+                 static_cast<unsigned long long>(request.root.cols),
+                 static_cast<unsigned long long>(sizes.latent_bytes));
+  }
+  if (result->action.size != sizes.action_size) {
+    return Error(StatusCode::kInvalidArgument, "the action has %llu components, expected %llu",
+                 static_cast<unsigned long long>(result->action.size),
+                 static_cast<unsigned long long>(sizes.action_size));
+  }
+  if (result->metrics.size != sizes.metrics) {
+    return Error(StatusCode::kInvalidArgument, "there is room for %llu metrics, expected %llu",
+                 static_cast<unsigned long long>(result->metrics.size),
+                 static_cast<unsigned long long>(sizes.metrics));
+  }
+  return OkStatus();
+}
+
+// kNotFinite unless every value is finite; `what` names them.
+inline Status CheckFinite(const char* what, View<const double> values) noexcept {
+  for (std::uint64_t i = 0; i < values.size; ++i) {
+    if (!std::isfinite(values[i])) {
+      return Error(StatusCode::kNotFinite, "the model returned %s %g (row %llu of %llu)", what,
+                   values[i], static_cast<unsigned long long>(i),
+                   static_cast<unsigned long long>(values.size));
+    }
+  }
+  return OkStatus();
+}
+
+// A PlannerFactory for a class with a constructor from PlannerContext that throws
+// std::invalid_argument for settings that do not go together.
+template <typename T>
+Status CreatePlanner(const PlannerContext& context, Planner** result) noexcept {
+  *result = nullptr;
+  try {
+    *result = new T(context);
+    return OkStatus();
+  } catch (const std::invalid_argument& error) {
+    return Error(StatusCode::kInvalidArgument, "%s", error.what());
+  } catch (const std::exception& error) {
+    return Error(StatusCode::kInternal, "cannot make the planner: %s", error.what());
+  }
+}
+
+}  // namespace dreamsearch
