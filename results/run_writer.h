@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "results/database.h"
@@ -149,12 +150,13 @@ class RunWriter {
     std::int64_t episode[kPhases] = {-1, -1, -1};
     std::map<std::int64_t, std::int64_t> scalar;  // env_step by metric
   };
-  class ChunkDigests;
-
   void CheckFinite(double value, std::int64_t env_step, const char* what);
   void RowAdded();
   void StoreRows(Stored* stored, std::int64_t* events);
+  void StoreProgress();
   void LoadStored();
+  // Throws unless the segment is still the run's last, that is, its writer.
+  void CheckOwnership();
 
   Database* database_;
   Connection& connection_;
@@ -173,10 +175,12 @@ class RunWriter {
   std::vector<TimeUseRow> time_uses_;
   std::vector<EventRow> new_events_;
   std::vector<ArtifactRow> artifacts_;
-  std::map<std::string, std::int64_t> metrics_;
+  std::map<std::pair<std::string, std::string>, std::int64_t> metrics_;  // by name and unit
+  std::map<std::int64_t, std::uint64_t> metric_digests_;                 // by id
 
   Statement insert_step_, insert_episode_, insert_scalar_, insert_time_use_, insert_event_,
-      insert_artifact_, update_run_, last_segment_;
+      insert_artifact_, select_step_, select_episode_, select_scalar_, update_run_,
+      last_segment_;
 };
 
 }  // namespace dreamsearch::results

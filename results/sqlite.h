@@ -35,8 +35,8 @@ class Statement {
   }
   ~Statement();
 
-  // Resets the statement and binds its parameters ?1, ?2, ... A text must live
-  // until the statement is stepped; a double that is not finite is bound as NULL.
+  // Resets the statement and binds copies of its parameters ?1, ?2, ...; a double
+  // that is not finite is bound as NULL.
   template <typename... Values>
   Statement& Bind(const Values&... values) {
     Reset();
@@ -110,12 +110,15 @@ class Connection {
   // Runs `body` between BEGIN IMMEDIATE and COMMIT, so that it waits for other
   // writers at its start and never in its middle. If anything throws, nothing of
   // it is stored. A transaction within a transaction is part of the outer one.
+  // Error 74 if the file or its write-ahead log was deleted since it was opened:
+  // what is written there would be lost.
   void Transact(const std::function<void()>& body);
 
  private:
   sqlite3* handle_ = nullptr;
   std::string path_;
   bool in_transaction_ = false;
+  bool wal_seen_ = false;
 };
 
 // The absolute form of a path, for messages and comparisons.

@@ -1,0 +1,24 @@
+// schema.h - the tables and views of the results database. Their names are a
+// public contract: people write SQL against them. README.md explains them.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace dreamsearch::results {
+
+inline constexpr std::int64_t kApplicationId = 0x44524d53;  // "DRMS"
+
+// Width of a bin of curve_bin, in environment steps. Bin k covers
+// ((k - 1) kBinSteps, k kBinSteps].
+inline constexpr std::int64_t kBinSteps = 10000;
+
+// migrations()[i] brings user_version i to i + 1; a new file runs all of them.
+// Forward only: a released migration is never edited.
+const std::vector<std::string>& Migrations();
+
+// The newest schema, that is Migrations().size().
+std::int64_t SchemaVersion();
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,365 @@
+#include "results/database.h"
+
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+
+#include <fstream>
+#include <regex>
+
+#include "recording.h"
+#include "results/schema.h"
+
+namespace dreamsearch::results {
+namespace {
+
+int ExitCodeOf(const std::function<void()>& call, const std::string& names = "") {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(names), std::string::npos) << error.what();
+    return error.exit_code();
+  }
+  return 0;
+}
+
+void Write(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+TEST(Database, IsMadeWithItsFoldersAndMarks) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "a/b/c.db");
+  EXPECT_EQ(Count(db.get(), "PRAGMA application_id"), kApplicationId);
+  EXPECT_EQ(Count(db.get(), "PRAGMA user_version"), SchemaVersion());
+  EXPECT_EQ(Count(db.get(), "PRAGMA foreign_keys"), 1);
+  EXPECT_EQ(Count(db.get(), "PRAGMA synchronous"), 2);
+  EXPECT_EQ(db->connection().QueryText("PRAGMA journal_mode"), "wal");
+  EXPECT_EQ(db->connection().QueryText("PRAGMA integrity_check"), "ok");
+  EXPECT_TRUE(db->warnings().empty());
+}
+
+// The public contract: the tables and columns people write SQL against.
+TEST(Database, HasTheTablesAndColumnsOfTheContract) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  for (const char* query :
+       {"SELECT study_id, name, description, created_utc FROM study",
+        "SELECT run_id, uuid, study_id, task_id, planner, model, env_plugin, model_plugin,"
+        " planner_plugin, config_id, preset, seed, action_repeat, env_steps_target,"
+        " env_steps_done, status, parent_run_id, log_path, exit_code, error, argv, build_id,"
+        " created_utc, ended_utc, heartbeat_utc, result_digest FROM run",
+        "SELECT run_id, segment, host_id, pid, from_env_step, to_env_step, started_utc,"
+        " ended_utc, end_reason, rows_rolled_back, slurm_job FROM segment",
+        "SELECT run_id, env_step, episode, t, reward, value, plan_us, simulations, nodes, depth"
+        " FROM step",
+        "SELECT run_id, phase, episode, env_step, length, episode_return, wall_s, plan_us_mean,"
+        " plan_us_p95, model_transitions, digest FROM episode",
+        "SELECT run_id, metric_id, env_step, value FROM scalar",
+        "SELECT metric_id, name, unit, doc FROM metric",
+        "SELECT run_id, env_step, activity, seconds FROM time_use",
+        "SELECT run_id, phase, env_step_bin, n, sum_return, nonfinite FROM curve_bin",
+        "SELECT source, method, obs, task, env_steps, seed, episode_return FROM published",
+        "SELECT run_id, seq, env_step, utc, level, kind, detail FROM event",
+        "SELECT run_id, path, kind, env_step, bytes, sha256 FROM artifact",
+        "SELECT run_id, tbl, first_step, last_step, n_rows, digest FROM chunk_digest",
+        "SELECT study, task, planner, phase, env_step_bin, mean, lo, hi, seeds FROM v_curve",
+        "SELECT * FROM v_run", "SELECT * FROM v_curve_run", "SELECT * FROM v_final",
+        "SELECT planner, activity, seconds FROM v_time", "SELECT * FROM v_matrix"}) {
+    EXPECT_NO_THROW(db->connection().Prepare(query)) << query;
+  }
+  // STRICT everywhere: a text in a number's place is refused.
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM pragma_table_list WHERE schema = 'main' AND"
+                            " type = 'table' AND strict = 0 AND name NOT LIKE 'sqlite_%'"),
+            0);
+}
+
+TEST(Database, OpeningItAgainFindsWhatWasThere) {
+  const TemporaryFolder folder;
+  std::int64_t run = 0;
+  {
+    const auto db = Database::OpenOrCreate(folder / "r.db");
+    run = MakeRun(db.get());
+  }
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  EXPECT_EQ(db->GetRun(run)->task, "walker_walk");
+  const auto reader = Database::OpenReadOnly(folder / "r.db");
+  EXPECT_EQ(reader->GetRun(run)->task, "walker_walk");
+  EXPECT_NE(ExitCodeOf([&] { reader->Study("new"); }), 0);
+}
+
+TEST(Database, AFileThatIsNotOursIsRefusedAndUntouched) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "x.db";
+  Write(path, "This is a text of more than a hundred bytes, which is what an SQLite file's header "
+              "has, and no database at all, nor will it become one.");
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, path), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, path), kExitBadData);
+  std::ifstream file(path);
+  std::string word;
+  EXPECT_TRUE(file >> word);
+  EXPECT_EQ(word, "This");
+  EXPECT_FALSE(std::filesystem::exists(path + "-wal"));
+}
+
+TEST(Database, AnotherProgramsSqliteFileIsRefusedAndUntouched) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "x.db";
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &other), SQLITE_OK);
+  sqlite3_exec(other, "CREATE TABLE bookmarks (url TEXT)", nullptr, nullptr, nullptr);
+  sqlite3_close(other);
+  const auto size = std::filesystem::file_size(path);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "another program"), kExitBadData);
+  EXPECT_EQ(std::filesystem::file_size(path), size);
+}
+
+TEST(Database, ATruncatedFileIsRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "x.db";
+  {
+    const auto db = Database::OpenOrCreate(path);
+    MakeRun(db.get());
+  }
+  for (const std::uintmax_t size : {50u, 100u, 1000u, 4096u, 9000u}) {
+    std::filesystem::resize_file(path, size);
+    EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path)->ListRuns(); }), kExitBadData) << size;
+  }
+}
+
+TEST(Database, ANewerSchemaIsRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "x.db";
+  Database::OpenOrCreate(path)->connection().Execute("PRAGMA user_version = 99");
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "schema 99"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "schema 99"), kExitBadData);
+}
+
+TEST(Database, AnEmptyFileBecomesADatabaseOnlyWhenAskedTo) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "x.db";
+  Write(path, "");
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "empty"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(path); }, "empty"), kExitBadData);
+  EXPECT_NO_THROW(Database::OpenOrCreate(path));
+}
+
+TEST(Database, WhatIsMissingOrInTheWaySaysSo) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "no.db"); }, folder / "no.db"),
+            kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(folder / "no.db"); }), kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder.path()); }, "folder"),
+            kExitCannotCreate);
+  Write(folder / "file", "x");
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "file/r.db"); }, folder / "file"),
+            kExitCannotCreate);
+}
+
+TEST(Database, DeletedWhileOpenIsFoundAtTheNextWrite) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  db->Study("a");
+  std::filesystem::remove(folder / "r.db");
+  EXPECT_EQ(ExitCodeOf([&] { db->Study("b"); }, "deleted"), kExitInputOutput);
+}
+
+TEST(Database, ADeletedWalIsFoundAtTheNextWrite) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  db->Study("a");
+  db->Study("b");
+  std::filesystem::remove(folder / "r.db-wal");
+  EXPECT_EQ(ExitCodeOf([&] { db->Study("c"); }, "r.db-wal"), kExitInputOutput);
+}
+
+TEST(Database, ProvenanceIsStoredOnce) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  EXPECT_EQ(db->Study("a"), db->Study("a"));
+  EXPECT_NE(db->Study("a"), db->Study("b"));
+  EXPECT_EQ(db->Config("{}"), db->Config("{}"));
+  EXPECT_NE(db->Config("{}"), db->Config(R"({"a":1})"));
+  EXPECT_EQ(db->connection().QueryText("SELECT sha256 FROM config WHERE json = '{}'"),
+            Sha256Hex("{}"));
+  const HostInfo host = {"h", "c", 2, 1 << 30, "Debian"};
+  EXPECT_EQ(db->Host(host), db->Host(host));
+  const BuildInfo build = {"0.1.0", "abc", true, "g++", "-O3", "avx2", "{}"};
+  EXPECT_EQ(db->Build(build), db->Build(build));
+  EXPECT_EQ(db->GetBuild(db->Build(build)).dirty, true);
+  const PluginInfo plugin = {"p", "1", "1.0", "p.so", "00"};
+  PluginInfo rebuilt = plugin;
+  rebuilt.sha256 = "01";
+  EXPECT_EQ(db->Plugin(plugin), db->Plugin(plugin));
+  EXPECT_NE(db->Plugin(plugin), db->Plugin(rebuilt));
+  EXPECT_EQ(db->GetPlugin(db->Plugin(rebuilt)).sha256, "01");
+}
+
+TEST(Database, ATaskWithOtherFiguresIsRefused) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  TaskInfo task = {.name = "t", .observation_size = 3, .return_low = 0, .return_high = 1000};
+  EXPECT_EQ(db->Task(task), db->Task(task));
+  task.observation_size = 4;
+  EXPECT_EQ(ExitCodeOf([&] { db->Task(task); }, "'t'"), kExitBadData);
+  // Without a range there is no normalised score.
+  db->Task({.name = "u", .return_low = 0, .return_high = 0});
+  EXPECT_EQ(Count(db.get(), "SELECT return_low IS NULL FROM task WHERE name = 'u'"), 1);
+}
+
+TEST(Database, ARunIsFoundByItsKeyAndMadeOnce) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const NewRun run = MakeNewRun(db.get());
+  RunKey key = {.study = "default",
+                .task = "walker_walk",
+                .planner = "mcts_pw",
+                .model = "dreamer",
+                .config_sha256 = Sha256Hex(R"({"run":{"steps":100000}})"),
+                .seed = 0,
+                .action_repeat = 2};
+  EXPECT_FALSE(db->FindRun(key));
+  const CreatedRun first = db->CreateRun(run);
+  EXPECT_TRUE(first.created);
+  const CreatedRun again = db->CreateRun(run);
+  EXPECT_FALSE(again.created);
+  EXPECT_EQ(again.run_id, first.run_id);
+  EXPECT_EQ(again.uuid, first.uuid);
+  const RunInfo found = *db->FindRun(key);
+  EXPECT_EQ(found.run_id, first.run_id);
+  EXPECT_EQ(found.status, RunStatus::kQueued);
+  EXPECT_EQ(found.log_path, "r.db.files/" + first.uuid + "/run.log");
+  EXPECT_EQ(db->RunFolder(first.uuid), (folder / "r.db.files/") + first.uuid);
+  key.seed = 1;
+  EXPECT_FALSE(db->FindRun(key));
+  // A trained run's evaluation may have all else in common with it.
+  NewRun evaluation = run;
+  evaluation.parent_run_id = first.run_id;
+  const CreatedRun child = db->CreateRun(evaluation);
+  EXPECT_TRUE(child.created);
+  key.seed = 0;
+  key.parent_run_id = first.run_id;
+  EXPECT_EQ(db->FindRun(key)->run_id, child.run_id);
+}
+
+TEST(Database, AUuidIsVersionFourAndFoundByItsBeginning) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const CreatedRun run = db->CreateRun(MakeNewRun(db.get()));
+  EXPECT_TRUE(std::regex_match(
+      run.uuid,
+      std::regex("[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")));
+  EXPECT_EQ(db->GetRun(run.uuid.substr(0, 8)).run_id, run.run_id);
+  EXPECT_EQ(db->GetRun(std::to_string(run.run_id)).uuid, run.uuid);
+  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("zzzz"); }, "no run 'zzzz'"), kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("%"); }), kExitNoInput);
+}
+
+TEST(Database, StatusIsStoredAndEndsTheSegment) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const std::int64_t run = MakeRun(db.get());
+  RunWriter writer(db.get(), run);
+  writer.BeginSegment(MakeSegment(db.get()));
+  db->SetRunStatus(run, RunStatus::kCrashed, 71, "signal 11");
+  const RunInfo info = *db->GetRun(run);
+  EXPECT_EQ(info.status, RunStatus::kCrashed);
+  EXPECT_EQ(info.exit_code, 71);
+  EXPECT_EQ(info.error, "signal 11");
+  EXPECT_FALSE(info.ended_utc.empty());
+  EXPECT_EQ(db->connection().QueryText("SELECT end_reason FROM segment"), "crashed");
+  db->SetRunStatus(run, RunStatus::kQueued);
+  EXPECT_TRUE(db->GetRun(run)->ended_utc.empty());
+  EXPECT_EQ(ExitCodeOf([&] { db->SetRunStatus(999, RunStatus::kKilled); }), kExitNoInput);
+  for (int i = 0; i < 8; ++i) {
+    const auto status = static_cast<RunStatus>(i);
+    EXPECT_EQ(ParseRunStatus(RunStatusName(status)), status);
+  }
+  EXPECT_EQ(ExitCodeOf([] { ParseRunStatus("done"); }, "'done'"), kExitBadData);
+}
+
+TEST(Database, FiltersTakeListsAndNothingElse) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  for (const char* planner : {"rollout", "mcts_pw"}) {
+    for (int seed = 0; seed < 3; ++seed) {
+      MakeRun(db.get(), {.planner = planner, .seed = seed});
+    }
+  }
+  MakeRun(db.get(), {.study = "other", .parent_run_id = 1});
+  EXPECT_EQ(db->ListRuns().size(), 7u);
+  EXPECT_EQ(db->ListRuns({.with_evaluations = false}).size(), 6u);
+  EXPECT_EQ(db->ListRuns({.planners = {"rollout"}}).size(), 3u);
+  EXPECT_EQ(db->ListRuns({.planners = {"rollout"}, .seeds = {0, 2}}).size(), 2u);
+  EXPECT_EQ(db->ListRuns({.studies = {"other"}}).size(), 1u);
+  EXPECT_EQ(db->ListRuns({.statuses = {RunStatus::kFinished}}).size(), 0u);
+  EXPECT_EQ(db->ListRuns({.tasks = {"' OR 1=1 --"}}).size(), 0u);
+}
+
+TEST(Database, NamesAreDataWhateverTheyHold) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  for (const std::string& name :
+       {std::string("it's \"quoted\"; DROP TABLE run; --"), std::string("two\nlines\ttab"),
+        std::string("../../etc/passwd"), std::string("%s%n"), std::string("\xF0\x9F\xA6\x8A"),
+        std::string(10240, 'x'), std::string("back\\slash"), std::string("")}) {
+    const std::int64_t run = MakeRun(db.get(), {.study = name, .task = name, .planner = name});
+    EXPECT_EQ(db->GetRun(run)->study, name);
+    EXPECT_EQ(db->ListRuns({.studies = {name}, .tasks = {name}, .planners = {name}}).size(), 1u)
+        << name;
+  }
+  EXPECT_EQ(db->ListRuns().size(), 8u);
+}
+
+TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const std::int64_t doomed = MakeRun(db.get());
+  const std::int64_t kept = MakeRun(db.get(), {.seed = 1});
+  const std::int64_t child = MakeRun(db.get(), {.parent_run_id = doomed});
+  for (const std::int64_t run : {doomed, kept, child}) {
+    RunWriter writer(db.get(), run);
+    writer.BeginSegment(MakeSegment(db.get()));
+    writer.AddStep({.env_step = 2});
+    writer.AddEpisode({.env_step = 2, .episode_return = 1});
+    writer.AddScalar(2, writer.Metric("m"), 1);
+    writer.AddTimeUse(2, "other", 1);
+    writer.AddEvent(2, "info", "x", "");
+    writer.AddArtifact(db->RunFolder("u") + "/ckpt", "checkpoint", 2, 10, "00");
+    writer.Commit();
+  }
+  db->DeleteRun(doomed);
+  EXPECT_EQ(db->ListRuns().size(), 1u);
+  for (const char* table : {"step", "episode", "scalar", "time_use", "event", "artifact",
+                            "curve_bin", "segment"}) {
+    EXPECT_EQ(Count(db.get(), std::string("SELECT count(*) FROM ") + table), 1) << table;
+    EXPECT_EQ(Count(db.get(), std::string("SELECT run_id FROM ") + table), kept) << table;
+  }
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM chunk_digest WHERE run_id = 2"), 3);
+  EXPECT_EQ(db->connection().QueryText("SELECT path FROM artifact"), "r.db.files/u/ckpt");
+  EXPECT_EQ(ExitCodeOf([&] { db->DeleteRun(doomed); }), kExitNoInput);
+}
+
+TEST(Database, AReplacedRunKeepsItsIdentityAndNothingElse) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const CreatedRun run = db->CreateRun(MakeNewRun(db.get()));
+  {
+    RunWriter writer(db.get(), run.run_id);
+    writer.BeginSegment(MakeSegment(db.get()));
+    writer.AddEpisode({.env_step = 2, .episode_return = 1});
+    writer.Commit();
+  }
+  NewRun changed = MakeNewRun(db.get(), {.config = R"({"other":1})"});
+  db->ReplaceRun(run.run_id, changed);
+  const RunInfo info = *db->GetRun(run.run_id);
+  EXPECT_EQ(info.uuid, run.uuid);
+  EXPECT_EQ(info.config_json, R"({"other":1})");
+  EXPECT_EQ(info.status, RunStatus::kQueued);
+  EXPECT_EQ(info.env_steps_done, 0);
+  for (const char* table : {"episode", "curve_bin", "segment", "chunk_digest"}) {
+    EXPECT_EQ(Count(db.get(), std::string("SELECT count(*) FROM ") + table), 0) << table;
+  }
+}
+
+}  // namespace
+}  // namespace dreamsearch::results
