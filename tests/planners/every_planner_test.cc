@@ -1,5 +1,7 @@
 // every_planner_test.cc - what planner.h promises, held against every planner of
 // every built plugin.
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -94,6 +96,49 @@ TEST_P(EveryPlanner, PicksTheKnownActionOfTheChain) {
     ASSERT_TRUE(decision.status.ok()) << decision.status.message;
     EXPECT_GT(decision.action[0], 0) << "seed " << seed;
   }
+}
+
+// The regret of the played action, in the mean over seeds, against that of a random
+// one; a tenth is met by anything that looks at rewards and values as they are.
+TEST_P(EveryPlanner, NearsTheOptimumOfTheLinearQuadraticProblem) {
+  if (!Searches(GetParam())) GTEST_SKIP() << "does not search";
+  ScriptedModel model = LinearQuadratic::Model();
+  LoadedPlanner planner(*GetParam(), &model);
+  ScriptedState root;
+  root.x[0] = LinearQuadratic::kStart;
+  const double best = -LinearQuadratic::K(LinearQuadratic::P()) * LinearQuadratic::kStart;
+  ASSERT_GT(best, -1) << "the bounds would matter";
+  constexpr int kDecisions = 50;
+  double regret = 0;
+  for (std::uint64_t seed = 0; seed < kDecisions; ++seed) {
+    ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+    const Decision decision = planner.Plan(AsLatents(root), {.seed = seed, .tree = false});
+    ASSERT_TRUE(decision.status.ok());
+    regret += (LinearQuadratic::Q(root.x[0], best) -
+               LinearQuadratic::Q(root.x[0], decision.action[0])) /
+              kDecisions;
+  }
+  std::printf("regret %.5f, of a random action %.5f\n", regret,
+              LinearQuadratic::RandomRegret(best));
+  EXPECT_GE(regret, 0);
+  EXPECT_LT(regret, LinearQuadratic::RandomRegret(best) / 10);
+}
+
+TEST_P(EveryPlanner, IsNotDeceivedByTheMeanOfRandomContinuations) {
+  if (!Searches(GetParam())) GTEST_SKIP() << "does not search";
+  ScriptedModel model = Deception();
+  model.mode = [](const ScriptedState&, View<double> action) { action[0] = 0.5; };
+  Settings settings;
+  if (Declares("simulations")) settings.push_back({"simulations", 400});
+  LoadedPlanner planner(*GetParam(), &model, settings);
+  int right = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+    const Decision decision =
+        planner.Plan(AsLatents(ScriptedState{}), {.seed = seed, .tree = false});
+    right += decision.action[0] > 0;
+  }
+  EXPECT_EQ(right, 20);
 }
 
 TEST_P(EveryPlanner, EqualSeedsGiveEqualDecisions) {

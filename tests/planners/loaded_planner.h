@@ -2,10 +2,9 @@
 #pragma once
 
 #include <dlfcn.h>
-#include <gtest/gtest.h>
 
 #include <cstring>
-#include <memory>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <vector>

@@ -149,4 +149,73 @@ struct Chain {
   }
 };
 
+// The scalar linear-quadratic problem s' = s + a / 2, reward -(s'^2 + a^2 / 4),
+// discount 0.95, from s = 0.5. Its value is v(s) = -P s^2 and its best action -K s
+// (Bertsekas 2012, section 3.1; the cost of arriving counts, so P is without it):
+//
+//     Q(s, a) = -((1 + gamma P) s'^2 + a^2 / 4),   maximal over a at a = -K s.
+struct LinearQuadratic {
+  static constexpr double kDiscount = 0.95;
+  static constexpr double kGain = 0.5;    // of the action
+  static constexpr double kEffort = 0.25;  // price of a^2
+  static constexpr double kStart = 0.5;
+
+  // The fixed point of P = min_K (1 + gamma P) (1 - K / 2)^2 + K^2 / 4.
+  static double P() {
+    double p = 0;
+    for (int i = 0; i < 1000; ++i) {
+      const double k = K(p);
+      p = (1 + kDiscount * p) * (1 - kGain * k) * (1 - kGain * k) + kEffort * k * k;
+    }
+    return p;
+  }
+  static double K(double p) {
+    const double w = 1 + kDiscount * p;
+    return w * kGain / (w * kGain * kGain + kEffort);
+  }
+  static double Q(double s, double a) {
+    const double next = s + kGain * a;
+    return -((1 + kDiscount * P()) * next * next + kEffort * a * a);
+  }
+  // Of an action drawn uniformly from [-1, 1]: Q is a parabola of curvature
+  // c = (1 + gamma P) / 4 + 1 / 4 around the best action.
+  static double RandomRegret(double best) {
+    const double c = (1 + kDiscount * P()) * kGain * kGain + kEffort;
+    return c * (1.0 / 3 + best * best);
+  }
+
+  // The critic is exact, the actor's mode a poor action.
+  static ScriptedModel Model() {
+    ScriptedModel model;
+    model.transition = [](const ScriptedState& state, ScriptedModel::Action action) {
+      ScriptedTransition step;
+      step.next.x[0] = state.x[0] + kGain * action[0];
+      step.reward = -(step.next.x[0] * step.next.x[0] + kEffort * action[0] * action[0]);
+      step.discount = kDiscount;
+      return step;
+    };
+    model.value = [p = P()](const ScriptedState& state) { return -p * state.x[0] * state.x[0]; };
+    return model;
+  }
+};
+
+// Two decisions. A first action below 0 pays 0.6 and ends it. Any other pays nothing
+// and then a second action above 0 pays 1, any other nothing: of two random actions
+// the first looks worse on average (0.5 against 0.6, and so says the critic, exact for
+// random actions), and is better.
+inline ScriptedModel Deception() {
+  ScriptedModel model;
+  model.transition = [](const ScriptedState& state, ScriptedModel::Action action) {
+    ScriptedTransition step;
+    const bool second = state.x[0] == 1;
+    const bool over = second || action[0] < 0;
+    step.next.x[0] = over ? 2 : 1;
+    step.reward = state.x[0] >= 2 ? 0 : second ? (action[0] > 0 ? 1 : 0) : (over ? 0.6 : 0);
+    step.discount = over ? 0 : 1;
+    return step;
+  };
+  model.value = [](const ScriptedState& state) { return state.x[0] == 1 ? 0.5 : 0; };
+  return model;
+}
+
 }  // namespace dreamsearch
