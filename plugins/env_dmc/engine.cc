@@ -34,7 +34,7 @@ void CheckFileReferences(const std::string& name, const std::string& mjcf) {
     while (begin > 0 && IsNameCharacter(mjcf[begin - 1])) --begin;
     const std::string attribute = mjcf.substr(begin, end - begin);
     const bool is_file = attribute.starts_with("file");  // file, fileup, ..., filename
-    const bool is_folder = attribute.ends_with("dir");   // meshdir, texturedir
+    const bool is_folder = attribute.size() > 3 && attribute.ends_with("dir");  // meshdir, ...
     if (!is_file && !is_folder) continue;
     std::size_t open = i + 1;
     while (open < mjcf.size() && std::isspace(static_cast<unsigned char>(mjcf[open]))) ++open;

@@ -18,13 +18,22 @@ ControlTask* MakeBallInCupCatch();
 ControlTask* MakeFingerSpin();
 ControlTask* MakeFingerTurnEasy();
 ControlTask* MakeFingerTurnHard();
+ControlTask* MakeFishSwim();
+ControlTask* MakeFishUpright();
 ControlTask* MakeHopperHop();
 ControlTask* MakeHopperStand();
+ControlTask* MakeHumanoidRun();
+ControlTask* MakeHumanoidStand();
+ControlTask* MakeHumanoidWalk();
+ControlTask* MakeManipulatorBringBall();
 ControlTask* MakePendulumSwingup();
+ControlTask* MakePointMassEasy();
 ControlTask* MakeQuadrupedRun();
 ControlTask* MakeQuadrupedWalk();
 ControlTask* MakeReacherEasy();
 ControlTask* MakeReacherHard();
+ControlTask* MakeSwimmer15();
+ControlTask* MakeSwimmer6();
 ControlTask* MakeWalkerRun();
 ControlTask* MakeWalkerStand();
 ControlTask* MakeWalkerWalk();
@@ -55,15 +64,27 @@ inline constexpr TaskEntry kTasks[] = {
      MakeFingerSpin},
     {"finger_turn_easy", nullptr, "turn a free body's tip to a large target", MakeFingerTurnEasy},
     {"finger_turn_hard", nullptr, "turn a free body's tip to a small target", MakeFingerTurnHard},
+    {"fish_swim", nullptr, "a fish: bring the mouth to a target", MakeFishSwim},
+    {"fish_upright", nullptr, "a fish: turn upright", MakeFishUpright},
     {"hopper_hop", nullptr, "a planar one-legged robot: hop forward at 2 m/s", MakeHopperHop},
     {"hopper_stand", nullptr, "a planar one-legged robot: stand with little control",
      MakeHopperStand},
+    {"humanoid_run", nullptr, "a humanoid: stand up and run at 10 m/s", MakeHumanoidRun},
+    {"humanoid_stand", nullptr, "a humanoid: stand up and stay still", MakeHumanoidStand},
+    {"humanoid_walk", nullptr, "a humanoid: stand up and walk at 1 m/s", MakeHumanoidWalk},
+    {"manipulator_bring_ball", nullptr, "a planar arm with a gripper: bring a ball to a place",
+     MakeManipulatorBringBall},
     {"pendulum_swingup", nullptr,
      "swing a pendulum up with a weak motor, rewarded only near the top", MakePendulumSwingup},
+    {"point_mass_easy", nullptr, "move a point mass to the centre", MakePointMassEasy},
     {"quadruped_run", nullptr, "a four-legged robot: run at 5 m/s", MakeQuadrupedRun},
     {"quadruped_walk", nullptr, "a four-legged robot: walk at 0.5 m/s", MakeQuadrupedWalk},
     {"reacher_easy", nullptr, "reach a large target with a planar two-link arm", MakeReacherEasy},
     {"reacher_hard", nullptr, "reach a small target with a planar two-link arm", MakeReacherHard},
+    {"swimmer_swimmer15", nullptr, "a chain of 15 links in a fluid: bring the nose to a target",
+     MakeSwimmer15},
+    {"swimmer_swimmer6", nullptr, "a chain of 6 links in a fluid: bring the nose to a target",
+     MakeSwimmer6},
     {"walker_run", nullptr, "a planar biped: stand up and run at 8 m/s", MakeWalkerRun},
     {"walker_stand", nullptr, "a planar biped: stand up", MakeWalkerStand},
     {"walker_walk", nullptr, "a planar biped: stand up and walk at 1 m/s", MakeWalkerWalk},
