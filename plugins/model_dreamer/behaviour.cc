@@ -1,0 +1,272 @@
+#include "plugins/model_dreamer/behaviour.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace dreamsearch::dreamer {
+namespace {
+
+// Starts dreamt of at once: enough columns for fast products, few enough that the
+// activations of a block stay near the processor.
+constexpr Index kStartsPerBlock = 256;
+
+}  // namespace
+
+template <typename T>
+void LambdaReturns(Index horizon, Index n, T lambda, const T* rewards, const T* discounts,
+                   const T* values, T* returns) {
+  for (Index tau = horizon; tau-- > 0;) {
+    const T* later = tau + 1 == horizon ? values + horizon * n : returns + (tau + 1) * n;
+    const T* v = values + (tau + 1) * n;
+    for (Index i = 0; i < n; ++i) {
+      returns[tau * n + i] = rewards[tau * n + i] +
+                             discounts[tau * n + i] * ((T(1) - lambda) * v[i] + lambda * later[i]);
+    }
+  }
+}
+
+template <typename T>
+void LambdaReturnsBackward(Index horizon, Index n, T lambda, const T* discounts, const T* values,
+                           const T* returns, T* d_returns, T* d_rewards, T* d_discounts,
+                           T* d_values) {
+  std::fill(d_values, d_values + n, T(0));
+  for (Index tau = 0; tau < horizon; ++tau) {
+    const bool last = tau + 1 == horizon;
+    const T* v = values + (tau + 1) * n;
+    const T* later = last ? v : returns + (tau + 1) * n;
+    for (Index i = 0; i < n; ++i) {
+      const T d = d_returns[tau * n + i];
+      const T through = discounts[tau * n + i] * d;
+      d_rewards[tau * n + i] = d;
+      d_discounts[tau * n + i] = d * ((T(1) - lambda) * v[i] + lambda * later[i]);
+      d_values[(tau + 1) * n + i] = (last ? T(1) : T(1) - lambda) * through;
+      if (!last) d_returns[(tau + 1) * n + i] += lambda * through;
+    }
+  }
+}
+
+template <typename T>
+Behaviour<T>::Behaviour(const Settings& settings, Index action_size)
+    : settings_(settings), a_(action_size) {
+  const Index state = settings.state_size();
+  actor_ =
+      Mlp(&actor_group_, "actor", state, settings.hidden, settings.actor_layers, 2 * a_,
+          settings.layer_norm, settings.zero_heads ? Initial::kGlorotHundredth : Initial::kGlorot);
+  value_ = Mlp(&value_group_, "value", state, settings.hidden, settings.value_layers, 1,
+               settings.layer_norm, settings.zero_heads ? Initial::kZero : Initial::kGlorot);
+  shape_.mean_limit = settings.actor_mean_limit;
+  // softplus(offset) is the initial deviation: offset = ln(e^std - 1).
+  shape_.std_offset = std::log(std::expm1(settings.actor_initial_std));
+  shape_.min_std = settings.actor_min_std;
+}
+
+template <typename T>
+void Behaviour<T>::ResetSlow() {
+  slow_.assign(value_group_.values(), value_group_.values() + value_group_.size());
+}
+
+template <typename T>
+void Behaviour<T>::UpdateSlow() {
+  MoveTowards(value_group_.values(), static_cast<T>(settings_.slow_critic_rate),
+              value_group_.size(), slow_.data());
+}
+
+template <typename T>
+void Behaviour<T>::Dream(const DreamInput<T>& input, WorldModel<T>* world, DreamLosses* losses) {
+  const Index starts = input.starts.cols;
+  const Index blocks = (starts + kStartsPerBlock - 1) / kStartsPerBlock;
+  const Index size = (starts + blocks - 1) / blocks;
+  returns_.resize(static_cast<std::size_t>(starts * settings_.horizon));
+  *losses = DreamLosses();
+  for (Index first = 0; first < starts; first += size) {
+    DreamBlock(input, first, std::min(size, starts - first), world, losses);
+  }
+  const double mean = 1.0 / static_cast<double>(starts * settings_.horizon);
+  losses->actor *= mean;
+  losses->value *= mean;
+  losses->imagined_return /= static_cast<double>(starts);
+  losses->value_mean *= mean;
+  losses->entropy *= mean;
+  losses->actor_std *= mean;
+}
+
+template <typename T>
+void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
+                              WorldModel<T>* world, DreamLosses* losses) {
+  const Index horizon = settings_.horizon;
+  const Index n = horizon * m;  // decisions of the block, tau-major
+  const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
+  const Mat<const T> latent_noise = input.latent_noise.Cols(first * horizon, n);
+  const Mat<const T> action_noise = input.action_noise.Cols(first * horizon, n);
+  const T* actor = actor_group_.values();
+  const T* value = value_group_.values();
+
+  // Forward.
+  const Mat<T> states = states_.Shape(settings_.state_size(), n + m);
+  const Mat<T> raw = raw_.Shape(2 * a_, n);
+  const Mat<T> squashed = squashed_.Shape(a_, n);
+  const Mat<T> std = std_.Shape(a_, n);
+  const Mat<T> actions = actions_.Shape(a_, n);
+  const Mat<T> entropy = entropy_.Shape(1, n);
+  actor_.Reserve(n, &actor_tape_);
+  world->Reserve(n, &transitions_);
+  Copy<T>(input.starts.Cols(first, m), states.Cols(0, m));
+  for (Index tau = 0; tau < horizon; ++tau) {
+    const Index at = tau * m;
+    const Mat<T> now = states.Cols(at, m);
+    const In<T> seen = input.stops == nullptr
+                           ? In<T>(now)
+                           : In<T>(input.stops->states.data() + at * now.rows, now.rows, m);
+    actor_.Forward(actor, seen, at, &actor_tape_, raw.Cols(at, m));
+    ActorForward<T>(raw.Cols(at, m), action_noise.Cols(at, m), shape_, squashed.Cols(at, m),
+                    std.Cols(at, m), actions.Cols(at, m), entropy.Cols(at, m));
+    world->Step(now, actions.Cols(at, m), latent_noise.Cols(at, m), at, &transitions_,
+                states.Cols(at + m, m));
+  }
+  const Mat<T> arrived = states.Cols(m, n);
+  const Mat<T> rewards = rewards_.Shape(1, n);
+  world->Reward(arrived, &reward_tape_, rewards);
+  const Mat<T> discounts = discounts_.Shape(1, n);
+  if (settings_.continuation) {
+    const Mat<T> logits = logits_.Shape(1, n);
+    world->Continuation(arrived, &continuation_tape_, logits);
+    Sigmoid<T>(logits, discounts);
+  } else {
+    std::fill(discounts.data, discounts.data + n, static_cast<T>(settings_.discount));
+  }
+  const Mat<T> outputs = outputs_.Shape(1, n + m);
+  value_.Reserve(n + m, &value_tape_);
+  value_.Forward(value, In<T>(states), 0, &value_tape_, outputs);
+  const T scale = static_cast<T>(settings_.value_scale);
+  const Mat<T> values = values_.Shape(1, n + m);
+  for (Index j = 0; j < n + m; ++j) values(0, j) = scale * outputs(0, j);
+  T* returns = returns_.data() + first * horizon;
+  const T lambda = static_cast<T>(settings_.lambda);
+  LambdaReturns(horizon, m, lambda, rewards.data, discounts.data, values.data, returns);
+  const Mat<T> weights = weights_.Shape(1, n);
+  std::fill(weights.data, weights.data + m, T(1));
+  for (Index j = m; j < n; ++j) weights(0, j) = weights(0, j - m) * discounts(0, j - m);
+  const T* targets = returns;
+  if (input.stops != nullptr) {
+    std::copy(input.stops->weights.begin(), input.stops->weights.end(), weights.data);
+    targets = input.stops->targets.data();
+  }
+  block_first_ = first * horizon;
+  block_size_ = n;
+
+  // The actor, through critic, reward model and dynamics.
+  const T inverse_scale = static_cast<T>(1 / input.return_scale);
+  const T bonus = static_cast<T>(settings_.entropy_scale);
+  const Mat<T> d_returns = d_returns_.Shape(1, n);
+  const Mat<T> entropy_weights = entropy_weights_.Shape(1, n);
+  for (Index j = 0; j < n; ++j) {
+    const T w = weights(0, j);
+    losses->actor -= static_cast<double>(w * (returns[j] * inverse_scale + bonus * entropy(0, j)));
+    d_returns(0, j) = -w * mean * inverse_scale;
+    entropy_weights(0, j) = -w * mean * bonus;
+    losses->value_mean += static_cast<double>(values(0, j));
+    losses->entropy += static_cast<double>(entropy(0, j));
+  }
+  for (Index j = 0; j < m; ++j) losses->imagined_return += static_cast<double>(returns[j]);
+  for (Index j = 0; j < n; ++j) {
+    T column = 0;
+    for (Index i = 0; i < a_; ++i) column += std(i, j);
+    losses->actor_std += static_cast<double>(column / static_cast<T>(a_));
+  }
+  const Mat<T> d_rewards = d_rewards_.Shape(1, n);
+  const Mat<T> d_discounts = d_discounts_.Shape(1, n);
+  const Mat<T> d_values = d_values_.Shape(1, n + m);
+  LambdaReturnsBackward(horizon, m, lambda, discounts.data, values.data, returns, d_returns.data,
+                        d_rewards.data, d_discounts.data, d_values.data);
+  for (Index j = 0; j < n + m; ++j) d_values(0, j) *= scale;
+  const Mat<T> d_states = d_states_.Shape(settings_.state_size(), n + m);
+  SetZero(d_states);
+  const Mat<T> d_arrived = d_states.Cols(m, n);
+  world->RewardBackward(arrived, reward_tape_, d_rewards, &scratch_, d_arrived);
+  if (settings_.continuation) {
+    for (Index j = 0; j < n; ++j) d_discounts(0, j) *= discounts(0, j) * (T(1) - discounts(0, j));
+    world->ContinuationBackward(arrived, continuation_tape_, d_discounts, &scratch_, d_arrived);
+  }
+  value_.Backward(value, In<T>(arrived), m, value_tape_, In<T>(d_values.Cols(m, n)), &scratch_,
+                  static_cast<T*>(nullptr), d_arrived);
+  const Mat<T> d_actions = d_actions_.Shape(a_, n);
+  for (Index tau = horizon; tau-- > 0;) {
+    const Index at = tau * m;
+    world->StepBackward(states.Cols(at, m), states.Cols(at + m, m), latent_noise.Cols(at, m), at,
+                        transitions_, d_states.Cols(at + m, m),
+                        tau > 0 ? d_states.Cols(at, m) : Mat<T>(), d_actions.Cols(at, m));
+  }
+  const Mat<T> d_raw = d_raw_.Shape(2 * a_, n);
+  ActorBackward<T>(squashed, std, actions, action_noise, shape_, d_actions, entropy_weights, d_raw);
+  const Mat<T> left = states.Cols(0, n);
+  actor_.Backward(actor, In<T>(left), 0, actor_tape_, In<T>(d_raw), &scratch_,
+                  actor_group_.gradient(), Mat<T>());
+
+  // The critic.
+  const T slow_weight = static_cast<T>(settings_.slow_critic_weight);
+  const Mat<T> slow = slow_outputs_.Shape(1, n);
+  if (slow_weight > 0) {
+    value_.Reserve(n, &slow_tape_);
+    value_.Forward(slow_.data(), In<T>(left), 0, &slow_tape_, slow);
+  }
+  for (Index j = 0; j < n; ++j) {
+    const T error = outputs(0, j) - targets[j] / scale;
+    const T drift = slow_weight > 0 ? outputs(0, j) - slow(0, j) : T(0);
+    const T w = weights(0, j);
+    losses->value +=
+        static_cast<double>(w * T(0.5) * (error * error + slow_weight * drift * drift));
+    d_values(0, j) = w * mean * (error + slow_weight * drift);
+  }
+  value_.Backward(value, In<T>(left), 0, value_tape_, In<T>(d_values.Cols(0, n)), &scratch_,
+                  value_group_.gradient(), Mat<T>());
+}
+
+template <typename T>
+DreamStops<T> Behaviour<T>::Stops() const {
+  const T* returns = returns_.data() + block_first_;
+  return {{states_.data(), states_.data() + block_size_ * settings_.state_size()},
+          {weights_.data(), weights_.data() + block_size_},
+          {returns, returns + block_size_}};
+}
+
+template <typename T>
+void Behaviour<T>::Value(In<T> states, Mat<T> values) {
+  value_.Reserve(states.cols, &value_tape_);
+  value_.Forward(value_group_.values(), states, 0, &value_tape_, values);
+  const T scale = static_cast<T>(settings_.value_scale);
+  for (Index j = 0; j < states.cols; ++j) values(0, j) *= scale;
+}
+
+template <typename T>
+void Behaviour<T>::Act(In<T> states, In<T> noise, Mat<T> actions) {
+  const Index n = states.cols;
+  const Mat<T> raw = raw_.Shape(2 * a_, n);
+  actor_.Reserve(n, &actor_tape_);
+  actor_.Forward(actor_group_.values(), states, 0, &actor_tape_, raw);
+  ActorForward<T>(raw, noise, shape_, squashed_.Shape(a_, n), std_.Shape(a_, n), actions, Mat<T>());
+}
+
+template <typename T>
+void Behaviour<T>::Sample(In<T> states, Index count, In<T> noise, Mat<T> actions) {
+  const Index n = states.cols;
+  const Mat<T> raw = raw_.Shape(2 * a_, n);
+  actor_.Reserve(n, &actor_tape_);
+  actor_.Forward(actor_group_.values(), states, 0, &actor_tape_, raw);
+  const Mat<T> repeated = d_raw_.Shape(2 * a_, n * count);
+  for (Index i = 0; i < n; ++i) {
+    for (Index k = 0; k < count; ++k) Copy<T>(raw.Cols(i, 1), repeated.Cols(i * count + k, 1));
+  }
+  ActorForward<T>(repeated, noise, shape_, squashed_.Shape(a_, n * count),
+                  std_.Shape(a_, n * count), actions, Mat<T>());
+}
+
+#define DREAMER_INSTANTIATE(T)                                                                  \
+  template void LambdaReturns<T>(Index, Index, T, const T*, const T*, const T*, T*);            \
+  template void LambdaReturnsBackward<T>(Index, Index, T, const T*, const T*, const T*, T*, T*, \
+                                         T*, T*);                                               \
+  template class Behaviour<T>;
+DREAMER_INSTANTIATE(float)
+DREAMER_INSTANTIATE(double)
+#undef DREAMER_INSTANTIATE
+
+}  // namespace dreamsearch::dreamer

@@ -1,0 +1,123 @@
+// behaviour.h - the actor and the critic, and the dreams that train them.
+//
+// From every start, H transitions are imagined with the prior and sampled
+// actions. With d_tau the discount of arriving at s_tau (gamma, or the
+// continuation model's mean), v(s) the value, and V_H = v(s_H):
+//
+//   V_tau = r(s_{tau+1}) + d_{tau+1} ((1 - lambda) v(s_{tau+1}) + lambda V_{tau+1})
+//   w_tau = d_1 ... d_tau
+//   actor loss  - mean( w_tau (V_tau / S + entropy_scale * (- ln pi(a_tau))) )
+//   value loss  mean( w_tau 0.5 ((v(s_tau) - V_tau) / value_scale)^2 ), V_tau fixed
+//
+// The mean is over starts and tau = 0 .. H - 1. S is the return scale. The actor's
+// input is gradient-stopped; its gradient comes through the actions, back through
+// the frozen world model and critic. v(s) leaves out the reward for arriving at s.
+#pragma once
+
+#include <vector>
+
+#include "plugins/model_dreamer/layers.h"
+#include "plugins/model_dreamer/settings.h"
+#include "plugins/model_dreamer/world_model.h"
+
+namespace dreamsearch::dreamer {
+
+// lambda-returns of n dreams at once. rewards, discounts: [H, n] of arriving at
+// s_1 .. s_H; values: [H + 1, n] of s_0 .. s_H; returns: [H, n]; all tau-major
+// (tau * n + i).
+template <typename T>
+void LambdaReturns(Index horizon, Index n, T lambda, const T* rewards, const T* discounts,
+                   const T* values, T* returns);
+
+// From d_returns [H, n], which is overwritten: d_rewards, d_discounts [H, n],
+// d_values [H + 1, n].
+template <typename T>
+void LambdaReturnsBackward(Index horizon, Index n, T lambda, const T* discounts, const T* values,
+                           const T* returns, T* d_returns, T* d_rewards, T* d_discounts,
+                           T* d_values);
+
+struct DreamLosses {
+  double actor = 0;
+  double value = 0;            // with the slow critic's part
+  double imagined_return = 0;  // mean of V_0
+  double value_mean = 0;       // mean of v(s_tau)
+  double entropy = 0;          // mean of - ln pi(a_tau)
+  double actor_std = 0;        // mean before tanh
+};
+
+// What the losses treat as constants although it depends on the parameters: the
+// actor's inputs, the weights w_tau and the value's targets V_tau, of one block.
+// A finite difference is comparable with the gradient only if they stay what they
+// were, so a dream can be given those of an earlier one.
+template <typename T>
+struct DreamStops {
+  std::vector<T> states;   // [H * m, Z + D]
+  std::vector<T> weights;  // [H * m]
+  std::vector<T> targets;  // [H * m]
+};
+
+// Starts and draws of a dream. Dreams run in blocks of starts; the noise of the
+// block that begins at start i begins at column i * H, tau-major inside.
+template <typename T>
+struct DreamInput {
+  Mat<const T> starts;                   // [Z + D, K]
+  Mat<const T> latent_noise;             // [Z, K * H]
+  Mat<const T> action_noise;             // [A, K * H]
+  double return_scale = 1;               // S
+  const DreamStops<T>* stops = nullptr;  // hold these fixed; of a dream of one block
+};
+
+template <typename T>
+class Behaviour {
+ public:
+  Behaviour(const Settings& settings, Index action_size);
+
+  ParameterGroup<T>& actor() { return actor_group_; }
+  ParameterGroup<T>& value() { return value_group_; }
+  const ParameterGroup<T>& actor() const { return actor_group_; }
+  const ParameterGroup<T>& value() const { return value_group_; }
+
+  // The slow critic's parameters, as many as value().
+  std::vector<T>& slow() { return slow_; }
+  const std::vector<T>& slow() const { return slow_; }
+  void ResetSlow();
+  void UpdateSlow();
+
+  // Adds the gradients of both losses to the groups'.
+  void Dream(const DreamInput<T>& input, WorldModel<T>* world, DreamLosses* losses);
+  // V_tau of the last Dream, [K * H], in blocks as the noise.
+  const std::vector<T>& returns() const { return returns_; }
+
+  // The constants of the last block.
+  DreamStops<T> Stops() const;
+
+  // values: [1, n], in the units of rewards.
+  void Value(In<T> states, Mat<T> values);
+  // actions: [A, n]; the mode where noise is empty.
+  void Act(In<T> states, In<T> noise, Mat<T> actions);
+  // actions: [A, n * count], those of state i in columns i * count on.
+  void Sample(In<T> states, Index count, In<T> noise, Mat<T> actions);
+
+ private:
+  void DreamBlock(const DreamInput<T>& input, Index first, Index count, WorldModel<T>* world,
+                  DreamLosses* losses);
+
+  Settings settings_;
+  Index a_;
+  ActorShape shape_;
+  ParameterGroup<T> actor_group_{"actor"};
+  ParameterGroup<T> value_group_{"value"};
+  Mlp actor_, value_;
+  std::vector<T> slow_;
+  std::vector<T> returns_;
+  Index block_first_ = 0, block_size_ = 0;  // decisions of the last block
+
+  TransitionTape<T> transitions_;
+  MlpTape<T> actor_tape_, value_tape_, slow_tape_, reward_tape_, continuation_tape_;
+  MlpScratch<T> scratch_;
+  Buffer<T> states_, raw_, squashed_, std_, actions_, entropy_, rewards_, logits_, discounts_,
+      values_, outputs_, slow_outputs_, weights_, d_states_, d_returns_, d_rewards_, d_discounts_,
+      d_values_, d_actions_, d_raw_, entropy_weights_;
+};
+
+}  // namespace dreamsearch::dreamer

@@ -1,0 +1,90 @@
+// learner.h - one update of all three groups: world model, actor, critic.
+//
+// An update reads a batch, draws its noise, takes all gradients at the same
+// parameters, looks for anything not finite, and only then moves: a refused
+// update leaves every bit as it was. The noise and the dreams' starts depend on
+// the seed alone, so the losses are a function of the parameters that can be
+// differenced.
+#pragma once
+
+#include <vector>
+
+#include "dreamsearch/model.h"
+#include "plugins/model_dreamer/behaviour.h"
+#include "plugins/model_dreamer/settings.h"
+#include "plugins/model_dreamer/world_model.h"
+
+namespace dreamsearch::dreamer {
+
+// Running mean and variance of each observation component over the training
+// batches: the n-th batch counts 1/n. Kept in double.
+struct ObservationStatistics {
+  std::uint64_t batches = 0;
+  std::vector<double> mean;      // [O]
+  std::vector<double> variance;  // [O]
+};
+
+struct UpdateLosses {
+  FitLosses fit;
+  DreamLosses dream;
+  double model_gradient_norm = 0;  // before clipping
+  double actor_gradient_norm = 0;
+  double value_gradient_norm = 0;
+};
+
+template <typename T>
+class Learner {
+ public:
+  Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
+
+  const Settings& settings() const { return settings_; }
+  Index observation_size() const { return o_; }
+  Index action_size() const { return a_; }
+  WorldModel<T>& world() { return world_; }
+  Behaviour<T>& behaviour() { return behaviour_; }
+  const WorldModel<T>& world() const { return world_; }
+  const Behaviour<T>& behaviour() const { return behaviour_; }
+
+  // The whole update. kNotFinite names what is not finite and leaves everything
+  // as it was; kInvalidArgument: a view has the wrong size, or an episode starts
+  // inside a sequence.
+  Status Update(const TrainRequest& request, UpdateLosses* losses);
+
+  // Its parts, in order. Read takes the batch and the draws of `seed`; Gradients
+  // may be called again after a parameter has changed, with the dream's constants
+  // held at `stops`.
+  Status Read(const SequenceBatch& batch, std::uint64_t seed);
+  void Gradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
+  Status CheckFinite(const UpdateLosses& losses, std::uint64_t update) const;
+  void Apply(const UpdateLosses& losses);
+
+  // x = clip((o - mean) / max(deviation, floor)), or o itself. observations: [n,
+  // O] row-major, x: [O, n].
+  template <typename S>
+  void Standardise(const S* observations, Mat<T> x) const;
+
+  Status Save(ByteSink* sink) const;
+  Status Load(ByteSource* source);
+  // Every tensor in single precision, a weight as [out, in], slowest first.
+  Status Export(TensorSink* sink) const;
+
+ private:
+  Settings settings_;
+  Index o_, a_;
+  WorldModel<T> world_;
+  Behaviour<T> behaviour_;
+  std::uint64_t updates_ = 0;
+  double return_scale_ = 0;  // the moving average; 0 before the first update
+  ObservationStatistics statistics_;
+
+  // The batch being learned from.
+  ObservationStatistics next_statistics_;
+  Sequences<T> batch_;
+  std::vector<Index> starts_;  // columns of the posterior
+  std::vector<Index> candidates_;
+  std::vector<T> sorted_returns_;
+  Buffer<T> observations_, actions_, rewards_, continues_, noise_, latent_noise_, action_noise_,
+      start_states_;
+};
+
+}  // namespace dreamsearch::dreamer

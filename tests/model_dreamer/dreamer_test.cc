@@ -1,0 +1,436 @@
+// The model behind the SDK's interface: saving, seeds, memory, errors, learning.
+#include "plugins/model_dreamer/dreamer.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <memory>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "batches.h"
+#include "dreamsearch/random.h"
+#include "plugins/model_dreamer/noise.h"
+
+// Counts what the program allocates, Eigen's memory and aligned memory included.
+// The sanitizers bring an allocator of their own, which is left alone.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define DREAMSEARCH_COUNTS_ALLOCATIONS 1
+#else
+#define DREAMSEARCH_COUNTS_ALLOCATIONS 0
+#endif
+
+namespace {
+
+std::atomic<std::uint64_t> g_allocations{0};
+
+}  // namespace
+
+#if DREAMSEARCH_COUNTS_ALLOCATIONS
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* __libc_memalign(std::size_t alignment, std::size_t size);
+__attribute__((visibility("default"))) void* malloc(std::size_t size) {
+  g_allocations.fetch_add(1, std::memory_order_relaxed);
+  return __libc_malloc(size);
+}
+__attribute__((visibility("default"))) void* aligned_alloc(std::size_t alignment,
+                                                           std::size_t size) {
+  g_allocations.fetch_add(1, std::memory_order_relaxed);
+  return __libc_memalign(alignment, size);
+}
+}
+#endif
+
+namespace dreamsearch::dreamer {
+namespace {
+
+struct Destroyer {
+  void operator()(Model* model) const { model->Destroy(); }
+};
+using ModelPointer = std::unique_ptr<Model, Destroyer>;
+
+Settings Small(const char* preset = "fast") {
+  Settings s = PresetSettings(preset);
+  s.deterministic = s.hidden = 24;
+  s.stochastic = 5;
+  s.horizon = 5;
+  s.imagination_starts = 20;
+  return s;
+}
+
+ModelPointer Make(const Settings& settings, std::uint64_t seed = 1, Index o = 2, Index a = 1) {
+  return ModelPointer(new Dreamer(settings, o, a, seed));
+}
+
+std::vector<double> Train(Model* model, const OwnedBatch& batch, std::uint64_t update) {
+  std::vector<double> metrics(DeclaredMetrics().size);
+  const Status status = model->Train({batch.view(), DeriveSeed(9, update), update, 0},
+                                     {metrics.data(), metrics.size()});
+  EXPECT_TRUE(status.ok()) << status.message;
+  return metrics;
+}
+
+double Metric(const std::vector<double>& metrics, const std::string& name) {
+  for (std::uint64_t i = 0; i < metrics.size(); ++i) {
+    if (DeclaredMetrics()[i].name == name) return metrics[i];
+  }
+  ADD_FAILURE() << "no metric " << name;
+  return 0;
+}
+
+class Bytes final : public ByteSink, public ByteSource {
+ public:
+  Status Write(const void* data, std::uint64_t size) noexcept override {
+    const auto* from = static_cast<const char*>(data);
+    bytes.insert(bytes.end(), from, from + size);
+    return OkStatus();
+  }
+  Status Read(void* data, std::uint64_t size) noexcept override {
+    if (position + size > bytes.size()) return Error(StatusCode::kDataLoss, "bytes missing");
+    std::memcpy(data, bytes.data() + position, size);
+    position += size;
+    return OkStatus();
+  }
+  std::vector<char> bytes;
+  std::uint64_t position = 0;
+};
+
+std::vector<char> SavedBytes(const Model& model) {
+  Bytes sink;
+  EXPECT_TRUE(model.Save(&sink).ok());
+  return sink.bytes;
+}
+
+// Memory for n latents.
+class LatentArray {
+ public:
+  LatentArray(const Model& model, std::uint64_t n)
+      : rows_(n), cols_(model.latent_bytes()), floats_(n * cols_ / sizeof(float)) {}
+  operator Latents() { return {reinterpret_cast<std::byte*>(floats_.data()), rows_, cols_}; }
+  operator ConstLatents() { return Latents(*this); }
+  std::vector<float>& floats() { return floats_; }
+
+ private:
+  std::uint64_t rows_, cols_;
+  std::vector<float> floats_;
+};
+
+// Everything a planner can ask, at n copies of a latent reached by one observation.
+struct Answers {
+  std::vector<float> observed, imagined;
+  std::vector<double> rewards, discounts, values, mode, samples;
+  bool operator==(const Answers&) const = default;
+};
+
+Answers Ask(Model* model, std::uint64_t n, std::uint64_t seed) {
+  Answers answers;
+  LatentArray previous(*model, n), observed(*model, n), imagined(*model, n);
+  const std::uint64_t a = model->action_size();
+  std::vector<double> actions(n * a, 0.3), observations(n * 2);
+  for (std::uint64_t i = 0; i < n; ++i) {
+    observations[2 * i] = 0.5;
+    observations[2 * i + 1] = 0.25;
+  }
+  answers.rewards.resize(n);
+  answers.discounts.resize(n);
+  answers.values.resize(n);
+  answers.mode.resize(n * a);
+  answers.samples.resize(3 * n * a);
+  EXPECT_TRUE(model->InitialLatent(previous).ok());
+  const MatrixView<const double> action_view{actions.data(), n, a};
+  EXPECT_TRUE(
+      model->Observe({previous, action_view, {observations.data(), n, 2}, {}, seed}, observed)
+          .ok());
+  EXPECT_TRUE(model
+                  ->Imagine({observed, action_view, seed},
+                            {imagined, {answers.rewards.data(), n}, {answers.discounts.data(), n}})
+                  .ok());
+  EXPECT_TRUE(model->Value(imagined, {answers.values.data(), n}).ok());
+  EXPECT_TRUE(model->ProposeMode(imagined, {answers.mode.data(), n, a}).ok());
+  EXPECT_TRUE(model->ProposeSamples(imagined, seed, {answers.samples.data(), 3 * n, a}).ok());
+  answers.observed = observed.floats();
+  answers.imagined = imagined.floats();
+  return answers;
+}
+
+TEST(Dreamer, EqualSeedsGiveEqualBits) {
+  const OwnedBatch batch = PointBatch(6, 10, 1);
+  const ModelPointer a = Make(Small()), b = Make(Small()), other = Make(Small(), 2);
+  EXPECT_NE(SavedBytes(*a), SavedBytes(*other));
+  for (std::uint64_t update = 0; update < 3; ++update) {
+    EXPECT_EQ(Train(a.get(), batch, update), Train(b.get(), batch, update));
+  }
+  EXPECT_EQ(SavedBytes(*a), SavedBytes(*b));
+  EXPECT_EQ(Ask(a.get(), 4, 5), Ask(b.get(), 4, 5));
+  EXPECT_NE(Ask(a.get(), 4, 5).samples, Ask(a.get(), 4, 6).samples);
+}
+
+TEST(Dreamer, LoadedContinuesAsTheSavedWouldHave) {
+  for (const char* preset : {"fast", "paper"}) {
+    const OwnedBatch batch = PointBatch(6, 10, 1);
+    const ModelPointer a = Make(Small(preset)), b = Make(Small(preset), 77);
+    Train(a.get(), batch, 0);
+    Bytes saved;
+    ASSERT_TRUE(a->Save(&saved).ok());
+    ASSERT_TRUE(b->Load(&saved).ok());
+    EXPECT_EQ(saved.position, saved.bytes.size());
+    for (std::uint64_t update = 1; update < 4; ++update) {
+      EXPECT_EQ(Train(a.get(), batch, update), Train(b.get(), batch, update));
+    }
+    EXPECT_EQ(SavedBytes(*a), SavedBytes(*b));
+    EXPECT_EQ(Ask(a.get(), 2, 5), Ask(b.get(), 2, 5));
+  }
+}
+
+TEST(Dreamer, LoadRefusesOtherSizesAndMissingBytes) {
+  const ModelPointer model = Make(Small());
+  Bytes saved;
+  ASSERT_TRUE(model->Save(&saved).ok());
+  Bytes cut = saved;
+  cut.bytes.pop_back();
+  EXPECT_EQ(Make(Small())->Load(&cut).code, StatusCode::kDataLoss);
+  Settings wider = Small();
+  wider.hidden += 1;
+  const Status status = Make(wider)->Load(&saved);
+  EXPECT_EQ(status.code, StatusCode::kDataLoss);
+  EXPECT_NE(std::string(status.message).find("world model size"), std::string::npos)
+      << status.message;
+}
+
+TEST(Dreamer, AnswersASingleLatentAndABatchAlike) {
+  Settings settings = Small();
+  settings.acting_latent_sample = false;
+  const ModelPointer model = Make(settings);
+  Train(model.get(), PointBatch(6, 10, 1), 0);
+  const Answers one = Ask(model.get(), 1, 5);
+  const Answers many = Ask(model.get(), 7, 5);
+  // Products of one and of several columns differ in the last bits: 1e-5 is some
+  // hundred float epsilons.
+  for (std::size_t i = 0; i < one.imagined.size(); ++i) {
+    EXPECT_NEAR(one.imagined[i], many.imagined[i], 1e-5);
+    EXPECT_EQ(many.imagined[i], many.imagined[one.imagined.size() + i]);
+  }
+  EXPECT_NEAR(one.rewards[0], many.rewards[3], 1e-5);
+  EXPECT_NEAR(one.values[0], many.values[3], 1e-3);  // in units of value_scale = 100
+  EXPECT_NEAR(one.mode[0], many.mode[3], 1e-5);
+  EXPECT_EQ(one.discounts[0], 0.99);
+}
+
+TEST(Dreamer, InitialLatentIsZeroAndPaddingStaysZero) {
+  const ModelPointer model = Make(Small());
+  EXPECT_EQ(model->latent_bytes() % kLatentAlignment, 0u);
+  const Answers answers = Ask(model.get(), 2, 5);
+  const std::size_t stride = model->latent_bytes() / sizeof(float);
+  for (std::size_t i = 24 + 5; i < stride; ++i) {
+    EXPECT_EQ(answers.imagined[i], 0);
+    EXPECT_EQ(answers.observed[stride + i], 0);
+  }
+}
+
+TEST(Dreamer, AllocatesNothingAfterWarmUp) {
+  if (!DREAMSEARCH_COUNTS_ALLOCATIONS) GTEST_SKIP() << "a sanitizer allocates";
+  for (const char* preset : {"fast", "paper"}) {
+    Settings settings = PresetSettings(preset);
+    settings.continuation = true;
+    settings.horizon = 3;
+    settings.imagination_starts = 300;  // more than one block
+    const ModelPointer model = Make(settings);
+    const OwnedBatch batch = PointBatch(20, 20, 1);
+    std::vector<double> metrics(DeclaredMetrics().size);
+    LatentArray latents(*model, 150), next(*model, 150);
+    std::vector<double> actions(150, 0.1), observations(300, 0.2), rewards(150), discounts(150),
+        values(150), samples(150);
+    const auto call_everything = [&](std::uint64_t n, std::uint64_t seed) {
+      bool ok = true;
+      const std::uint64_t bytes = model->latent_bytes();
+      const Latents from{Latents(latents).data, n, bytes}, to{Latents(next).data, n, bytes};
+      const MatrixView<const double> action{actions.data(), n, 1};
+      ok &= model->InitialLatent(from).ok();
+      ok &= model->Observe({from, action, {observations.data(), n, 2}, {}, seed}, to).ok();
+      ok &= model->Imagine({to, action, seed}, {from, {rewards.data(), n}, {discounts.data(), n}})
+                .ok();
+      ok &= model->Value(from, {values.data(), n}).ok();
+      ok &= model->ProposeMode(from, {samples.data(), n, 1}).ok();
+      ok &= model->ProposeSamples({from.data, 1, bytes}, seed, {samples.data(), n, 1}).ok();
+      return ok;
+    };
+    const auto train = [&](std::uint64_t update) {
+      return model->Train({batch.view(), update, update, 0}, {metrics.data(), metrics.size()}).ok();
+    };
+    ASSERT_TRUE(train(0) && call_everything(150, 1) && train(1) && call_everything(150, 2));
+    const std::uint64_t before = g_allocations.load();
+    const bool ok = call_everything(1, 3) && call_everything(50, 4) && train(2) &&
+                    call_everything(150, 5) && train(3);
+    const std::uint64_t made = g_allocations.load() - before;
+    EXPECT_TRUE(ok);
+    EXPECT_EQ(made, 0u) << preset;
+  }
+  const std::uint64_t before = g_allocations.load();
+  Buffer<float> counted;
+  counted.Reserve(1000);
+  EXPECT_GT(g_allocations.load(), before) << "the counter does not count";
+}
+
+TEST(Dreamer, RefusesNanInABatchAndStaysAsItWas) {
+  const struct {
+    const char* what;
+    float* (*place)(OwnedBatch*);
+    const char* named;
+  } cases[] = {
+      {"observation", [](OwnedBatch* b) { return &b->observations[7]; }, "observation loss"},
+      {"reward", [](OwnedBatch* b) { return &b->rewards[7]; }, "reward loss"},
+      {"action", [](OwnedBatch* b) { return &b->actions[7]; }, "observation loss"},
+  };
+  for (const char* preset : {"fast", "paper"}) {
+    for (const auto& item : cases) {
+      for (const float bad :
+           {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+        const ModelPointer model = Make(Small(preset));
+        OwnedBatch batch = PointBatch(6, 10, 1);
+        Train(model.get(), batch, 0);
+        const std::vector<char> before = SavedBytes(*model);
+        *item.place(&batch) = bad;
+        std::vector<double> metrics(DeclaredMetrics().size);
+        const Status status =
+            model->Train({batch.view(), 1, 5, 0}, {metrics.data(), metrics.size()});
+        EXPECT_EQ(status.code, StatusCode::kNotFinite) << preset << " " << item.what << " " << bad;
+        EXPECT_NE(std::string(status.message).find(item.named), std::string::npos)
+            << item.what << ": " << status.message;
+        EXPECT_NE(std::string(status.message).find("update 5"), std::string::npos)
+            << status.message;
+        EXPECT_EQ(SavedBytes(*model), before);
+      }
+    }
+  }
+}
+
+TEST(Dreamer, FindsNanInItsOwnLatents) {
+  const ModelPointer model = Make(Small());
+  LatentArray latents(*model, 2), next(*model, 2);
+  latents.floats()[3] = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<double> actions(2, 0.0);
+  std::vector<double> numbers(4);
+  EXPECT_EQ(model
+                ->Imagine({latents, {actions.data(), 2, 1}, 0},
+                          {next, {numbers.data(), 2}, {numbers.data() + 2, 2}})
+                .code,
+            StatusCode::kNotFinite);
+}
+
+TEST(Dreamer, RefusesWrongSizes) {
+  const ModelPointer model = Make(Small());
+  LatentArray latents(*model, 2), next(*model, 2);
+  std::vector<double> numbers(8);
+  const auto code = [](const Status& status) { return status.code; };
+  EXPECT_EQ(code(model->Value(latents, {numbers.data(), 3})), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(model->ProposeMode(latents, {numbers.data(), 2, 2})),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(model->ProposeSamples(latents, 0, {numbers.data(), 3, 1})),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(model->Imagine({latents, {numbers.data(), 1, 1}, 0},
+                                {next, {numbers.data(), 2}, {numbers.data(), 2}})),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(
+      code(model->Observe({latents, {numbers.data(), 2, 1}, {numbers.data(), 2, 3}, {}, 0}, next)),
+      StatusCode::kInvalidArgument);
+  OwnedBatch batch = PointBatch(2, 4, 1);
+  batch.is_first[1] = 1;
+  std::vector<double> metrics(DeclaredMetrics().size);
+  const Status status = model->Train({batch.view(), 0, 0, 0}, {metrics.data(), metrics.size()});
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(std::string(status.message).find("step 1"), std::string::npos) << status.message;
+}
+
+class Names final : public TensorSink {
+ public:
+  Status Tensor(const char* name, View<const std::uint64_t> shape,
+                View<const float> values) noexcept override {
+    std::uint64_t size = 1;
+    for (const std::uint64_t n : shape) size *= n;
+    EXPECT_EQ(size, values.size) << name;
+    total += values.size;
+    names.emplace_back(name);
+    return OkStatus();
+  }
+  std::uint64_t total = 0;
+  std::vector<std::string> names;
+};
+
+TEST(Dreamer, ExportsEveryParameterOnce) {
+  const ModelPointer model = Make(PresetSettings("paper"), 1, 24, 6);
+  Names sink;
+  ASSERT_TRUE(model->Export(&sink).ok());
+  // Multiply-adds of the layers at these sizes (weights), and one bias an output.
+  const std::uint64_t weights =
+      84800 + 7200 + 240000 + 52000 + 92000 + 90800 + 86200 + 168400 + 126200;
+  const std::uint64_t biases = 3 * 200 + 200 + 2 * 600 + 260 + 260 + 424 + 401 + 812 + 601;
+  EXPECT_EQ(sink.total, weights + biases + 2 * 24);
+  EXPECT_EQ(sink.names.front(), "encoder.0.weight");
+}
+
+// The loss falls and the actor comes to prefer the way to the reward: from x = 0.5
+// it pushes left, from -0.5 right.
+TEST(Dreamer, LearnsAPointOnALine) {
+  Settings settings = Small();
+  settings.model_learning_rate = settings.value_learning_rate = 2e-3;
+  settings.actor_learning_rate = 2e-3;
+  settings.acting_latent_sample = false;
+  settings.imagination_starts = 64;
+  const ModelPointer model = Make(settings);
+  std::vector<double> first, last;
+  for (std::uint64_t update = 0; update < 250; ++update) {
+    const std::vector<double> metrics = Train(model.get(), PointBatch(8, 12, update), update);
+    if (update == 0) first = metrics;
+    last = metrics;
+  }
+  EXPECT_LT(Metric(last, "observation_loss"), 0.2 * Metric(first, "observation_loss"));
+  EXPECT_LT(Metric(last, "reward_loss"), 0.1 * Metric(first, "reward_loss"));
+  EXPECT_GT(Metric(last, "imagined_return"), Metric(first, "imagined_return") + 1);
+  double modes[2];
+  for (const double x : {0.5, -0.5}) {
+    LatentArray previous(*model, 1), latent(*model, 1);
+    ASSERT_TRUE(model->InitialLatent(previous).ok());
+    const double observation[] = {x, x * x};
+    const double action[] = {0};
+    ASSERT_TRUE(
+        model->Observe({previous, {action, 1, 1}, {observation, 1, 2}, {}, 0}, latent).ok());
+    ASSERT_TRUE(model->ProposeMode(latent, {&modes[x < 0], 1, 1}).ok());
+  }
+  EXPECT_LT(modes[0], -0.3);
+  EXPECT_GT(modes[1], 0.3);
+}
+
+TEST(Noise, IsStandardNormalAndDependsOnSeedAndIndexAlone) {
+  constexpr Index kCount = 1 << 20;
+  std::vector<float> draws(kCount);
+  FillNormal(5, draws.data(), kCount);
+  double sum = 0, squares = 0, fourth = 0;
+  std::uint64_t beyond = 0;
+  for (const float x : draws) {
+    const double v = static_cast<double>(x);
+    sum += v;
+    squares += v * v;
+    fourth += v * v * v * v;
+    if (std::abs(v) > 3) ++beyond;
+  }
+  // Five standard errors: 1, sqrt 2 and sqrt 96 over sqrt n; P(|x| > 3) = 0.0027.
+  const double error = 5 / std::sqrt(double{kCount});
+  EXPECT_NEAR(sum / kCount, 0, error);
+  EXPECT_NEAR(squares / kCount, 1, 1.42 * error);
+  EXPECT_NEAR(fourth / kCount, 3, 9.8 * error);
+  EXPECT_NEAR(static_cast<double>(beyond) / kCount, 0.0026998, 0.052 * error);
+  std::vector<float> few(333);
+  FillNormal(5, few.data(), 333);
+  EXPECT_TRUE(std::equal(few.begin(), few.end(), draws.begin()));
+  std::vector<double> wide(333);
+  FillNormal(5, wide.data(), 333);
+  EXPECT_TRUE(std::equal(wide.begin(), wide.end(), few.begin()));
+}
+
+}  // namespace
+}  // namespace dreamsearch::dreamer
