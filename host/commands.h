@@ -9,10 +9,19 @@
 
 namespace dreamsearch {
 
+// runner, without a subcommand: runs experiments
+int RunCommand(const std::vector<std::string>& arguments);
+
 // runner list [KIND]
 int ListCommand(const std::vector<std::string>& arguments);
 
 // runner describe [KIND/]NAME
 int DescribeCommand(const std::vector<std::string>& arguments);
+
+// runner resume [RUN|STUDY|all]
+int ResumeCommand(const std::vector<std::string>& arguments);
+
+// runner status
+int StatusCommand(const std::vector<std::string>& arguments);
 
 }  // namespace dreamsearch

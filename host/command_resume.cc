@@ -1,0 +1,67 @@
+#include <algorithm>
+#include <iostream>
+
+#include "commands.h"
+#include "error.h"
+#include "options.h"
+#include "results/database.h"
+#include "supervisor.h"
+#include "sweep.h"
+
+namespace dreamsearch {
+
+namespace po = boost::program_options;
+
+int ResumeCommand(const std::vector<std::string>& arguments) {
+  ProcessOptions options;
+  std::string what = "all";
+  bool force = false;
+  po::options_description flags(
+      "runner resume [RUN|STUDY|all] [options]\n\nGoes on with runs that were queued, interrupted "
+      "or killed, or whose process died;\nwith --retry also with those that failed, crashed or "
+      "diverged. RUN is a number or\nthe beginning of a UUID from `runner status`");
+  flags.add_options()("help", "show this help")(
+      "what", po::value<std::string>(&what), "RUN, STUDY or all")(
+      "force", po::bool_switch(&force),
+      "go on under another instruction set, though the bits will differ");
+  flags.add(ProcessFlags(&options));
+  po::positional_options_description positional;
+  positional.add("what", 1);
+  const po::variables_map given = ParseFlags("runner resume", arguments, flags, positional);
+  if (given.count("help") != 0) {
+    std::cout << flags;
+    return 0;
+  }
+  const auto database = results::Database::OpenExisting(options.db.string());
+  std::vector<results::RunInfo> runs = database->ListRuns();
+  if (what != "all") {
+    const bool is_study = std::any_of(runs.begin(), runs.end(),
+                                      [&](const auto& run) { return run.study == what; });
+    if (is_study) {
+      std::erase_if(runs, [&](const auto& run) { return run.study != what; });
+    } else {
+      runs = {database->GetRun(what)};
+    }
+  }
+  std::vector<SweepJob> jobs;
+  for (const results::RunInfo& run : runs) {
+    const bool failed = run.status == results::RunStatus::kFailed ||
+                        run.status == results::RunStatus::kCrashed ||
+                        run.status == results::RunStatus::kDiverged;
+    if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
+    if (RunIsLocked(database->RunFolder(run.uuid))) {
+      std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";
+      continue;
+    }
+    SweepJob job = RecordedJob(database.get(), options, run);
+    job.work.force = force;
+    jobs.push_back(std::move(job));
+  }
+  if (jobs.empty()) {
+    std::cerr << "nothing to resume in " << database->path() << "\n";
+    return 0;
+  }
+  return RunSweep(database.get(), options, std::move(jobs)).exit_status;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,207 @@
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <set>
+#include <thread>
+
+#include "catalogue.h"
+#include "commands.h"
+#include "dreamsearch/version.h"
+#include "options.h"
+#include "probe.h"
+#include "progress.h"
+#include "settings.h"
+#include "supervisor.h"
+#include "sweep.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr double kProbeTimeoutSeconds = 120;
+
+const char* ActionText(Action action) {
+  switch (action) {
+    case Action::kStart: return "start";
+    case Action::kResume: return "resume";
+    case Action::kStartOver: return "start over";
+    case Action::kSkipFinished: return "skip, finished";
+    case Action::kSkipFailed: return "skip, failed";
+    case Action::kSkipActive: return "skip, active";
+  }
+  return "";
+}
+
+bool IsWork(Action action) {
+  return action == Action::kStart || action == Action::kResume || action == Action::kStartOver;
+}
+
+// Probes each combination of components once.
+std::vector<ProbeResult> ProbeAll(const std::vector<RunSpec>& specs, bool measure) {
+  std::map<std::string, ProbeResult> known;
+  std::vector<ProbeResult> results;
+  for (const RunSpec& spec : specs) {
+    const std::string key = measure ? CanonicalJson(spec) : spec.environment.name();
+    auto found = known.find(key);
+    if (found == known.end()) {
+      if (measure) {
+        std::cerr << "measuring " << spec.environment.name() << ", " << spec.planner.name()
+                  << " ..." << std::endl;
+      }
+      found = known.emplace(key, ProbeRun(spec, measure, kProbeTimeoutSeconds)).first;
+    }
+    results.push_back(found->second);
+  }
+  return results;
+}
+
+void PrintSettings(const RunSpec& spec) {
+  const auto print = [](const std::string& prefix, const ResolvedValues& values) {
+    for (const ResolvedValue& value : values.values) {
+      std::cout << "  " << prefix << "." << value.name << " = " << ValueText(value);
+      if (value.origin != ValueOrigin::kDefault) {
+        std::cout << "  (" << ValueOriginName(value.origin) << ")";
+      }
+      std::cout << "\n";
+    }
+  };
+  print("run", spec.run);
+  print("env", spec.environment.parameters);
+  print("model", spec.model.parameters);
+  print(spec.planner.name(), spec.planner.parameters);
+  if (spec.eval_planner.name() != spec.planner.name()) {
+    print(spec.eval_planner.name(), spec.eval_planner.parameters);
+  }
+}
+
+int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
+           const std::vector<ProbeResult>& probes) {
+  std::cout << "runs\n";
+  double seconds = 0, bytes = 0, longest = 0;
+  std::size_t work = 0;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const PlannedRun& run = runs[i];
+    std::cout << "  " << RunLabel(run.spec) << ": " << ActionText(run.action);
+    if (IsWork(run.action)) {
+      const RunEstimate estimate = EstimateRun(run.spec, probes[i]);
+      ++work;
+      seconds += estimate.seconds;
+      longest = std::max(longest, estimate.seconds);
+      bytes += estimate.database_bytes + estimate.file_bytes;
+      std::cout << ", " << GroupDigits(run.spec.steps()) << " environment steps, about "
+                << FormatDuration(estimate.seconds) << " on one core, "
+                << FormatBytes(estimate.database_bytes) << " of rows, "
+                << FormatBytes(estimate.file_bytes) << " of checkpoints";
+    }
+    if (!run.note.empty()) std::cout << " (" << run.note << ")";
+    std::cout << "\n";
+  }
+  std::set<std::string> printed;
+  for (const PlannedRun& run : runs) {
+    if (!printed.insert(CanonicalJson(run.spec)).second) continue;
+    std::cout << "\nsettings of " << run.spec.environment.name() << " " << run.spec.planner.name()
+              << " (preset " << run.spec.preset << ")\n";
+    PrintSettings(run.spec);
+  }
+  const auto jobs = static_cast<double>(
+      std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(
+                                                               options.process.jobs))));
+  std::cout << "\ntotal: " << work << " of " << runs.size() << " runs to work on, about "
+            << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs "
+            << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
+            << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n"
+            << "times were measured here just now; nothing was run or written\n";
+  return 0;
+}
+
+// How to call another program of this installation from the current folder.
+std::string ProgramPath(const char* name) {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path path = self.parent_path() / name;
+  const std::filesystem::path relative = std::filesystem::relative(path, error);
+  return error || relative.empty() || relative.string().size() > path.string().size()
+             ? path.string()
+             : relative.string();
+}
+
+}  // namespace
+
+int RunCommand(const std::vector<std::string>& arguments) {
+  const Options options = ParseOptions(arguments);
+  if (options.help) {
+    std::cout << RunnerHelp();
+    return 0;
+  }
+  if (options.version) {
+    std::cout << "dreamsearch " DREAMSEARCH_VERSION ", plugin SDK " << DREAMSEARCH_SDK_MAJOR << "."
+              << DREAMSEARCH_SDK_MINOR << "\n";
+    return 0;
+  }
+  const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
+  for (const std::string& warning : catalogue.warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
+  const bool exists = std::filesystem::exists(options.process.db);
+
+  if (options.process.dry_run) {
+    const auto database =
+        exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
+    return DryRun(options, PlanSweep(database.get(), options.process, specs),
+                  ProbeAll(specs, true));
+  }
+
+  const std::vector<ProbeResult> probes = ProbeAll(specs, false);
+  const auto database = results::Database::OpenOrCreate(options.process.db.string());
+  for (const std::string& warning : database->warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
+  std::map<Action, int> counts;
+  for (const PlannedRun& run : planned) {
+    ++counts[run.action];
+    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
+      std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
+    }
+  }
+  std::cerr << planned.size() << " runs:";
+  for (const auto& [action, count] : counts) {
+    std::cerr << " " << count << " to " << ActionText(action) << (action == counts.rbegin()->first ? "" : ",");
+  }
+  std::cerr << "; database " << database->path() << std::endl;
+
+  std::vector<results::TaskInfo> tasks;
+  for (const ProbeResult& probe : probes) tasks.push_back(probe.task);
+  std::vector<std::string> argv = {"runner"};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  std::vector<SweepJob> jobs =
+      RecordSweep(database.get(), options.process, planned, tasks, argv);
+  const std::size_t work = jobs.size();
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+
+  std::map<results::RunStatus, int> ended;
+  for (const results::RunStatus status : result.statuses) ++ended[status];
+  if (work > 0) {
+    std::cerr << "of " << work << " runs:";
+    for (const auto& [status, count] : ended) {
+      std::cerr << " " << count << " " << results::RunStatusName(status);
+    }
+    std::cerr << std::endl;
+  }
+  const std::string db = options.process.db.string();
+  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+    std::cerr << "go on with the same command, or with: " << ProgramPath("runner")
+              << " resume --db " << db << "\n";
+  } else {
+    std::cerr << "next: " << ProgramPath("results") << " list --db " << db << "\n"
+              << "      " << ProgramPath("results") << " curves --db " << db
+              << " --out curves.svg\n";
+  }
+  return result.exit_status;
+}
+
+}  // namespace dreamsearch

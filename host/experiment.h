@@ -1,0 +1,167 @@
+// experiment.h - one run: interact, sample, fit, dream, until the budget is spent.
+//
+// The schedule is that of Koul et al. 2020 and Dreamer (Hafner et al. 2020):
+// episodes that begin before run.prefill_steps are uniformly random; then
+// run.pretrain_updates; then, at the end of each episode, one update for every
+// run.train_every environment steps gained. Evaluations come at step 0, at the
+// first episode end after every run.eval_every environment steps, and at the end.
+//
+// Units    an *environment step* is one control step of the simulator, before
+//          action repeat; a *decision* is one chosen action, random ones included.
+// Stopping Run returns kInterrupted within one decision or update of a request;
+//          Save then holds everything, mid-episode too, and a new Experiment that
+//          loads it goes on with the very bits.
+// Errors   RunnerError: 72 when something is not finite, 70 for other faults.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "activity_clock.h"
+#include "agent.h"
+#include "checkpoint.h"
+#include "components.h"
+#include "replay.h"
+#include "results/run_writer.h"
+#include "settings.h"
+
+namespace dreamsearch {
+
+// What a person watching wants to know.
+struct ExperimentProgress {
+  const char* stage = "starting";
+  std::uint64_t env_step = 0;
+  std::uint64_t env_steps_target = 0;
+  double training_return = 0;     // of the last episode; NaN before it
+  double evaluation_return = 0;   // mean of the last evaluation; NaN before it
+};
+
+class Experiment {
+ public:
+  struct Options {
+    std::uint32_t threads = 1;
+    bool log_decisions = false;
+    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
+  };
+  // Called often, at least once a decision and once an update.
+  using Watcher = std::function<void(const ExperimentProgress&)>;
+
+  // `writer` receives the rows; it must have an open segment.
+  Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+             std::filesystem::path folder);
+  ~Experiment();
+
+  enum class Outcome { kFinished, kInterrupted };
+  // Runs to the end, or until *stop is set.
+  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher);
+
+  // The state, `with_replay` unless it is the last checkpoint of a finished run.
+  CheckpointSections Save(bool with_replay) const;
+  void Load(const CheckpointSections& sections);
+
+  // Where a loaded or running experiment is.
+  std::uint64_t env_step() const { return at_.env_step; }
+  const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
+
+  // What a resume needs to know of a checkpoint without making the components.
+  static results::ResumePoint ResumePointOf(const CheckpointSections& sections);
+
+ private:
+  enum class Stage : std::uint32_t { kEpisodeStart, kEpisode, kLearn, kEvaluate, kDone };
+
+  // The counters that decide what comes next; saved as they are.
+  struct Position {
+    std::uint64_t env_step = 0;
+    std::uint64_t decisions = 0;
+    std::uint64_t training_episodes = 0;  // finished ones
+    std::uint64_t evaluations = 0;        // finished ones
+    std::uint64_t evaluation_episodes = 0;
+    std::uint64_t events = 0;             // events recorded by the checkpoint
+    std::uint64_t evaluated_mark = 0;     // env_step / eval_every at the last one
+    std::uint64_t updates = 0;
+    std::uint64_t pending_updates = 0;
+    std::uint64_t learned_env_step = 0;   // env_step up to which updates were granted
+    std::uint64_t checkpoint_env_step = 0;
+    std::uint64_t pretrained = 0;
+    std::uint64_t burst_updates = 0;      // updates summed in burst_metrics_
+    double last_training_return = 0;
+    double last_evaluation_return = 0;
+    Stage stage = Stage::kEvaluate;
+    std::uint32_t reserved = 0;
+  };
+
+  // The episode under way.
+  struct EpisodeState {
+    std::uint64_t t = 0;       // decisions made
+    std::uint64_t length = 0;  // environment steps made
+    std::uint64_t random = 0;  // whole episode of random actions
+    double episode_return = 0;
+    double wall_seconds = 0;
+    std::uint64_t transitions_before = 0;
+    std::uint64_t digest = 0;
+  };
+
+  void BeginEpisode();
+  void MakeDecision();
+  void FinishEpisode();
+  void MakeUpdate();
+  void FinishUpdates();
+  // False if a stop was asked for: then nothing was recorded.
+  bool Evaluate();
+  bool EvaluateEpisode(Agent* agent, std::uint64_t index, results::EpisodeRow* row);
+  void MaybeCheckpoint();
+  void RecordTimeUse();
+  void WriteCheckpoint(bool with_replay);
+  void Watch(const char* stage);
+  // Applies an action for the action repeat. Returns the summed reward.
+  double StepEnvironment(Environment* environment, View<const double> action,
+                         View<double> observation, std::uint64_t max_steps, StepResult* last,
+                         std::uint64_t* steps);
+  void AddArtifact(const std::filesystem::path& path, const std::string& kind);
+  void DumpDivergence(const std::string& message);
+
+  const RunSpec spec_;
+  const Options options_;
+  results::RunWriter* writer_;
+  const std::filesystem::path folder_;
+  const std::uint64_t target_;
+
+  Components components_;
+  EnvironmentPtr environment_;
+  EnvironmentPtr evaluation_environment_;
+  EnvironmentPtr model_environment_;
+  ModelPtr model_;
+  PlannerPtr planner_;
+  PlannerPtr evaluation_planner_;
+  std::unique_ptr<Agent> agent_;
+  std::unique_ptr<Agent> search_evaluator_;  // null if the evaluation planner is `dreamer`
+  std::unique_ptr<Agent> actor_evaluator_;
+  Replay replay_;
+  const std::uint64_t eval_every_;  // environment steps
+
+  ActivityClock clock_;
+  Position at_;
+  EpisodeState episode_;
+  std::vector<double> observation_;          // what the next decision sees
+  std::vector<double> action_;               // the last action
+  std::vector<double> episode_actions_;      // of this episode, for environments without SaveState
+  std::vector<double> plan_us_;              // of this episode
+  std::vector<double> episode_metrics_;      // sums over this episode's planned decisions
+  std::vector<double> burst_metrics_;        // sums over the updates since the last record
+  std::vector<double> metrics_;
+  std::vector<double> bounded_action_;
+  std::vector<std::byte> environment_state_;
+
+  std::vector<std::int64_t> planner_metric_ids_;
+  std::vector<std::int64_t> model_metric_ids_;
+
+  const std::atomic<bool>* stop_ = nullptr;
+  Watcher watcher_;
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,79 @@
+// runner - trains, evaluates and inspects look-ahead agents. See --help.
+#include <exception>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "catalogue.h"
+#include "commands.h"
+#include "error.h"
+#include "probe.h"
+#include "results/error.h"
+#include "worker.h"
+
+namespace dreamsearch {
+namespace {
+
+using Command = std::function<int(const std::vector<std::string>&)>;
+
+// A command of the design that this version does not have yet.
+Command NotYet(const char* name) {
+  return [name](const std::vector<std::string>&) -> int {
+    throw RunnerError(ExitCode::kInternal, std::string("`runner ") + name +
+                                               "` is not part of this version yet");
+  };
+}
+
+const std::map<std::string, Command>& Commands() {
+  static const std::map<std::string, Command> commands = {
+      {"check", NotYet("check")},     {"describe", DescribeCommand},
+      {"eval", NotYet("eval")},       {"explain", NotYet("explain")},
+      {"export", NotYet("export")},   {"list", ListCommand},
+      {"new", NotYet("new")},         {"render", NotYet("render")},
+      {"resume", ResumeCommand},      {"status", StatusCommand},
+      {"verify", NotYet("verify")},
+  };
+  return commands;
+}
+
+int Dispatch(std::vector<std::string> arguments) {
+  if (arguments.empty() || arguments[0].rfind("-", 0) == 0) return RunCommand(arguments);
+  const std::string name = arguments[0];
+  arguments.erase(arguments.begin());
+  // Processes that `runner` starts itself.
+  if (name == "worker") return WorkerMain();
+  if (name == "probe") return ProbeMain();
+  if (name == "describe-plugin" && arguments.size() == 1) return DescribePluginMain(arguments[0]);
+  const auto found = Commands().find(name);
+  if (found == Commands().end()) {
+    std::vector<std::string> known;
+    for (const auto& [command, function] : Commands()) known.push_back(command);
+    throw RunnerError(ExitCode::kUsage,
+                      "no subcommand '" + name + "'. " + KnownNames(name, known));
+  }
+  return found->second(arguments);
+}
+
+}  // namespace
+}  // namespace dreamsearch
+
+int main(int argc, char** argv) {
+  int status = 0;
+  try {
+    status = dreamsearch::Dispatch({argv + 1, argv + argc});
+  } catch (const dreamsearch::RunnerError& error) {
+    std::cerr << "error: " << error.what() << std::endl;
+    return error.exit_status();
+  } catch (const dreamsearch::results::Error& error) {
+    std::cerr << "error: " << error.what() << std::endl;
+    return error.exit_code();
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << " (a defect of runner)" << std::endl;
+    return static_cast<int>(dreamsearch::ExitCode::kInternal);
+  }
+  std::cout.flush();
+  if (!std::cout) return static_cast<int>(dreamsearch::ExitCode::kInputOutput);
+  return status;
+}

@@ -1,0 +1,260 @@
+#include "probe.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "activity_clock.h"
+#include "agent.h"
+#include "child_process.h"
+#include "components.h"
+#include "replay.h"
+#include "schedule.h"
+
+namespace dreamsearch {
+namespace {
+
+// Repeats `piece` for about `seconds` and at least twice, the first time uncounted;
+// returns seconds each.
+template <typename Piece>
+double SecondsOf(double seconds, Piece piece) {
+  piece();
+  const double begin = ActivityClock::Now();
+  double elapsed = 0;
+  int count = 0;
+  do {
+    piece();
+    ++count;
+    elapsed = ActivityClock::Now() - begin;
+  } while (elapsed < seconds);
+  return elapsed / count;
+}
+
+RunCosts MeasureCosts(const RunSpec& spec, const Components& components,
+                      Environment* environment) {
+  RunCosts costs;
+  const EnvironmentSpec& figures = environment->spec();
+  std::vector<double> observation(figures.observation_size);
+  const View<double> observed{observation.data(), observation.size()};
+  std::vector<double> action(figures.action_size), bounded(figures.action_size);
+  const View<double> chosen{action.data(), action.size()};
+  Random random(SeedFor(spec.seed, SeedUse::kRandomAction, Phase::kEvaluation, 0, 0));
+  std::uint32_t episode = 0;
+  StepResult step;
+  step.last = true;
+  const auto act = [&] {
+    if (step.last) {
+      ThrowUnlessOk(environment->Reset(episode++, observed), "environment Reset");
+      step.last = false;
+    }
+    for (double& entry : action) entry = random.Uniform(-1, 1);
+    ToEnvironmentBounds(figures, chosen, {bounded.data(), bounded.size()});
+    ThrowUnlessOk(environment->Step({bounded.data(), bounded.size()}, observed, &step),
+                  "environment Step");
+  };
+  costs.environment_step = SecondsOf(0.1, act);
+
+  const EnvironmentPtr model_environment =
+      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get());
+  const PlannerPtr planner = components.MakePlanner(*model);
+  const PlannerPtr evaluation_planner = components.MakeEvaluationPlanner(*model);
+  Agent::Parts parts;
+  parts.model = model.get();
+  parts.model_name = spec.model.name();
+  parts.environment = environment;
+  parts.model_needs_environment = components.model().needs_environment;
+  const auto decision_seconds = [&](Planner* with, const ResolvedComponent& which,
+                                    std::size_t metrics, bool explore) {
+    parts.planner = with;
+    parts.planner_name = which.name();
+    parts.metrics = metrics;
+    Agent agent(parts);
+    agent.BeginEpisode(Phase::kTraining, 0);
+    return SecondsOf(0.3, [&] { agent.Decide(observed, explore, 0); });
+  };
+  costs.training_decision = decision_seconds(planner.get(), spec.planner,
+                                             components.planner().metrics.size, true);
+  costs.search_evaluation_decision =
+      decision_seconds(evaluation_planner.get(), spec.eval_planner,
+                       components.evaluation_planner().metrics.size, false);
+  costs.actor_evaluation_decision = decision_seconds(nullptr, spec.planner, 0, false);
+
+  const std::uint64_t length = spec.run.Integer("sequence_length");
+  Replay replay(figures.observation_size, figures.action_size, 2 * length + 2);
+  replay.BeginEpisode(observed);
+  for (std::uint64_t i = 0; i < 2 * length; ++i) {
+    act();
+    replay.Add(chosen, step.reward, step.discount, observed);
+  }
+  replay.EndEpisode();
+  costs.replay_row_bytes =
+      static_cast<double>(replay.Save().size()) / static_cast<double>(replay.rows());
+  std::vector<double> metrics(components.model().metrics.size);
+  std::uint64_t update = 0;
+  bool learns = true;
+  const double seconds = SecondsOf(0.5, [&] {
+    TrainRequest request;
+    request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
+    request.seed = update;
+    request.update = update++;
+    const Status status = model->Train(request, {metrics.data(), metrics.size()});
+    if (status.code == StatusCode::kUnimplemented) {
+      learns = false;
+    } else {
+      ThrowUnlessOk(status, "model '" + spec.model.name() + "' Train");
+    }
+  });
+  costs.update = learns ? seconds : 0;
+  StringSink saved;
+  ThrowUnlessOk(model->Save(&saved), "model '" + spec.model.name() + "' Save");
+  costs.checkpoint_bytes = static_cast<double>(saved.bytes.size());
+  return costs;
+}
+
+}  // namespace
+
+int ProbeMain() {
+  ::signal(SIGPIPE, SIG_IGN);
+  nlohmann::json answer;
+  int status = 0;
+  try {
+    const nlohmann::json question = nlohmann::json::parse(ReadAll(0));
+    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+    const Components components(spec);
+    const EnvironmentPtr environment = components.MakeEnvironment();
+    const EnvironmentSpec& figures = environment->spec();
+    nlohmann::json& task = answer["task"];
+    task["observation_size"] = figures.observation_size;
+    task["action_size"] = figures.action_size;
+    task["control_seconds"] = figures.control_seconds;
+    task["substeps"] = figures.substeps;
+    task["episode_steps"] = figures.episode_steps;
+    task["return_low"] = figures.return_low;
+    task["return_high"] = figures.return_high;
+    if (question.at("measure").get<bool>()) {
+      const RunCosts costs = MeasureCosts(spec, components, environment.get());
+      answer["costs"] = {costs.environment_step,           costs.training_decision,
+                         costs.search_evaluation_decision, costs.actor_evaluation_decision,
+                         costs.update,                     costs.checkpoint_bytes,
+                         costs.replay_row_bytes};
+    }
+  } catch (const RunnerError& error) {
+    answer = {{"error", error.what()}};
+    status = error.exit_status();
+  } catch (const nlohmann::json::exception& error) {
+    answer = {{"error", std::string("a probe is started by `runner`: ") + error.what()}};
+    status = static_cast<int>(ExitCode::kInternal);
+  }
+  WriteAll(kReportDescriptor, answer.dump() + "\n");
+  return status;
+}
+
+ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds) {
+  const std::string who = spec.environment.name() + ", " + spec.model.name() + ", " +
+                          spec.planner.name();
+  Pipe pipe = MakePipe();
+  const Descriptor input =
+      MemoryFile(nlohmann::json{{"spec", ToJson(spec)}, {"measure", measure}}.dump());
+  ChildSpec child;
+  child.arguments = {"probe"};
+  child.input = input.get();
+  child.report = pipe.write.get();
+  const pid_t pid = StartChild(child);
+  pipe.write.Close();
+
+  std::string text;
+  const double deadline = ActivityClock::Now() + timeout_seconds;
+  bool timed_out = false;
+  for (;;) {
+    pollfd polled{pipe.read.get(), POLLIN, 0};
+    const double left = deadline - ActivityClock::Now();
+    if (left <= 0) {
+      timed_out = true;
+      ::kill(pid, SIGKILL);
+      break;
+    }
+    if (::poll(&polled, 1, std::max(1, static_cast<int>(left * 1000))) <= 0) continue;
+    char buffer[4096];
+    const ssize_t got = ::read(pipe.read.get(), buffer, sizeof buffer);
+    if (got > 0) {
+      text.append(buffer, static_cast<std::size_t>(got));
+    } else if (got == 0 || (errno != EAGAIN && errno != EINTR)) {
+      break;
+    }
+  }
+  int status = 0;
+  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (timed_out) {
+    throw RunnerError(ExitCode::kPluginCrashed,
+                      "the components of " + who + " did not answer within " +
+                          std::to_string(static_cast<int>(timeout_seconds)) + " s");
+  }
+  const nlohmann::json answer = nlohmann::json::parse(text, nullptr, false);
+  if (answer.is_object() && answer.contains("error")) {
+    throw RunnerError(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
+                      answer["error"].get<std::string>());
+  }
+  if (!answer.is_object() || !answer.contains("task")) {
+    throw RunnerError(ExitCode::kPluginCrashed, "making the components of " + who +
+                                                    " ended with " + DescribeWaitStatus(status));
+  }
+  ProbeResult result;
+  const nlohmann::json& task = answer["task"];
+  result.task.name = spec.environment.name();
+  result.task.domain = spec.environment.info->plugin.name;
+  result.task.observation_size = task.at("observation_size");
+  result.task.action_size = task.at("action_size");
+  result.task.control_seconds = task.at("control_seconds");
+  result.task.substeps = task.at("substeps");
+  result.task.episode_steps = task.at("episode_steps");
+  result.task.return_low = task.at("return_low");
+  result.task.return_high = task.at("return_high");
+  if (measure) {
+    const nlohmann::json& costs = answer.at("costs");
+    result.costs = {costs[0], costs[1], costs[2], costs[3], costs[4], costs[5], costs[6]};
+  }
+  return result;
+}
+
+RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
+  const RunCosts& costs = probe.costs;
+  const Schedule schedule(spec, static_cast<std::uint64_t>(probe.task.episode_steps));
+  const auto count = [](std::uint64_t n) { return static_cast<double>(n); };
+  const double evaluation_decisions =
+      count(schedule.evaluations() * spec.run.Integer("eval_episodes") *
+            schedule.decisions_per_episode());
+  const double evaluation_steps = evaluation_decisions * spec.action_repeat();
+  const bool search = spec.eval_planner.name() != kActorPlanner;
+  RunEstimate estimate;
+  estimate.seconds =
+      count(spec.steps()) * costs.environment_step +
+      count(schedule.planned_decisions()) * costs.training_decision +
+      count(schedule.updates()) * costs.update +
+      evaluation_decisions * costs.actor_evaluation_decision +
+      evaluation_steps * costs.environment_step +
+      (search ? evaluation_decisions * costs.search_evaluation_decision +
+                    evaluation_steps * costs.environment_step
+              : 0);
+  // Measured: about 50 bytes a decision row, 150 an episode or scalar row.
+  const double episodes = count(schedule.training_episodes());
+  const double scalars = episodes * count(spec.planner.info->metrics.size() +
+                                          spec.model.info->metrics.size() + 6);
+  estimate.database_bytes =
+      50 * count(schedule.decisions()) +
+      150 * (episodes + count(schedule.evaluations() * spec.run.Integer("eval_episodes") * 2)) +
+      50 * scalars + 20000;
+  // Two checkpoints are kept and a third is written before one goes.
+  estimate.file_bytes =
+      3 * (costs.checkpoint_bytes + costs.replay_row_bytes * count(schedule.replay_rows()));
+  return estimate;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,46 @@
+// probe.h - asks plugins about a run, in a child process, without running it.
+//
+// The supervisor loads no plugin, but needs a task's figures before it can record
+// a run, and for a dry run what its pieces cost on this machine.
+#pragma once
+
+#include <cstdint>
+
+#include "results/database.h"
+#include "settings.h"
+
+namespace dreamsearch {
+
+// Seconds of the pieces a run is made of, measured here and now, and bytes.
+struct RunCosts {
+  double environment_step = 0;
+  double training_decision = 0;  // posterior update and exploring search
+  double search_evaluation_decision = 0;
+  double actor_evaluation_decision = 0;
+  double update = 0;
+  double checkpoint_bytes = 0;  // without the replay
+  double replay_row_bytes = 0;
+};
+
+struct RunEstimate {
+  double seconds = 0;
+  double database_bytes = 0;
+  double file_bytes = 0;  // checkpoints, at their largest
+};
+
+struct ProbeResult {
+  results::TaskInfo task;
+  RunCosts costs;  // zero unless measured
+};
+
+// Throws RunnerError with the child's message and exit code; 71 if it crashed or
+// took longer than `timeout_seconds` of wall time.
+ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds);
+
+// What the whole run takes at those costs.
+RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe);
+
+// The child's side; reads the run from standard input, answers on descriptor 3.
+int ProbeMain();
+
+}  // namespace dreamsearch

@@ -1,0 +1,66 @@
+#include "provenance.h"
+
+#include <sys/sysinfo.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <boost/version.hpp>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "dreamsearch/version.h"
+#include "dreamsearch_build_info.h"
+
+namespace dreamsearch {
+
+std::string InstructionSet() {
+#if DREAMSEARCH_BUILD_NATIVE
+  __builtin_cpu_init();
+  std::string set = "x86-64";
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) set = "avx2";
+  if (__builtin_cpu_supports("avx512f")) set = "avx512";
+  if (__builtin_cpu_supports("avx512bf16")) set += "+bf16";
+  return set;
+#else
+  return "x86-64";
+#endif
+}
+
+results::BuildInfo ThisBuild() {
+  results::BuildInfo build;
+  build.version = DREAMSEARCH_VERSION;
+  build.commit = DREAMSEARCH_BUILD_COMMIT;
+  build.dirty = DREAMSEARCH_BUILD_DIRTY;
+  build.compiler = "g++ " __VERSION__;
+  build.flags = DREAMSEARCH_BUILD_FLAGS;
+  build.instruction_set = InstructionSet();
+  build.libraries = nlohmann::json{{"boost", BOOST_LIB_VERSION}}.dump();
+  return build;
+}
+
+results::HostInfo ThisHost() {
+  results::HostInfo host;
+  char name[256] = "";
+  ::gethostname(name, sizeof name - 1);
+  host.hostname = name;
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);) {
+    if (line.rfind("model name", 0) == 0) {
+      host.cpu = line.substr(line.find(':') + 2);
+      break;
+    }
+  }
+  host.cores = std::thread::hardware_concurrency();
+  struct sysinfo info{};
+  if (::sysinfo(&info) == 0) {
+    host.memory_bytes = static_cast<std::int64_t>(info.totalram) * info.mem_unit;
+  }
+  struct utsname system{};
+  if (::uname(&system) == 0) {
+    host.os = std::string(system.sysname) + " " + system.release + " " + system.machine;
+  }
+  return host;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,79 @@
+// replay.h - what the agent has lived through, and sequences drawn from it.
+//
+// Rows are stored in the order they were lived, as float32: row 0 of an episode
+// is its first observation (zero action and reward), row i what the i-th decision
+// led to. Only finished episodes are drawn from.
+//
+// Memory   all of it is reserved at construction.
+// Errors   RunnerError; nothing is changed by a call that throws.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "dreamsearch/model.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+class Replay {
+ public:
+  // Holds at most `capacity` rows; the oldest finished episodes make room.
+  Replay(std::uint64_t observation_size, std::uint64_t action_size, std::uint64_t capacity);
+
+  // Starts an episode with its first observation, [O].
+  void BeginEpisode(View<const double> observation);
+  // Adds what one decision led to.
+  void Add(View<const double> action, double reward, double discount,
+           View<const double> observation);
+  // The episode may be drawn from now on.
+  void EndEpisode();
+
+  // Rows of finished episodes, and rows altogether.
+  std::uint64_t finished_rows() const { return finished_rows_; }
+  std::uint64_t rows() const { return rows_; }
+  // The longest sequence that some finished episode holds.
+  std::uint64_t longest_episode() const;
+
+  // Draws `sequences` sequences of `length` rows: an episode uniformly among
+  // those long enough, then its start uniformly. The result borrows the replay's
+  // memory until the next call.
+  SequenceBatch Sample(std::uint64_t sequences, std::uint64_t length, std::uint64_t seed);
+
+  std::string Save() const;
+  void Load(const std::string& bytes);
+
+ private:
+  struct Episode {
+    std::uint64_t first = 0;  // row
+    std::uint64_t rows = 0;
+    std::uint64_t finished = 0;
+  };
+
+  void Append(View<const double> action, double reward, double discount,
+              View<const double> observation, bool is_first);
+  void MakeRoom();
+
+  std::uint64_t observation_size_;
+  std::uint64_t action_size_;
+  std::uint64_t capacity_;
+  std::uint64_t rows_ = 0;
+  std::uint64_t finished_rows_ = 0;
+  std::vector<Episode> episodes_;
+  std::vector<float> observations_;
+  std::vector<float> actions_;
+  std::vector<float> rewards_;
+  std::vector<float> discounts_;
+  std::vector<std::uint8_t> is_first_;
+
+  // The batch handed out by Sample.
+  std::vector<float> batch_observations_;
+  std::vector<float> batch_actions_;
+  std::vector<float> batch_rewards_;
+  std::vector<float> batch_discounts_;
+  std::vector<std::uint8_t> batch_is_first_;
+  std::vector<std::uint64_t> eligible_;
+};
+
+}  // namespace dreamsearch

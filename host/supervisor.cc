@@ -1,0 +1,378 @@
+#include "supervisor.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <thread>
+
+#include "activity_clock.h"
+#include "child_process.h"
+#include "progress.h"
+#include "report.h"
+
+namespace dreamsearch {
+namespace {
+
+std::atomic<int> stop_signals{0};
+
+void OnStopSignal(int) { ++stop_signals; }
+
+// Counts stop signals while it lives.
+class StopSignals {
+ public:
+  StopSignals() {
+    stop_signals = 0;
+    struct sigaction action{};
+    action.sa_handler = OnStopSignal;
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &action, &before_[i]);
+  }
+  ~StopSignals() {
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
+  }
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+ private:
+  static constexpr std::size_t kCount = 4;
+  static constexpr int kSignals[kCount] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
+  struct sigaction before_[kCount];
+};
+
+// Processor seconds a process has used; a stopped process uses none. Negative if
+// it is gone.
+double ProcessorSeconds(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const std::size_t after_name = text.rfind(')');
+  if (after_name == std::string::npos) return -1;
+  std::istringstream fields(text.substr(after_name + 2));
+  std::string skipped;
+  for (int i = 0; i < 11; ++i) fields >> skipped;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
+}
+
+// The end of a log, for the message about a crash.
+std::string LastLine(const std::filesystem::path& log) {
+  std::ifstream file(log);
+  std::string last;
+  for (std::string line; std::getline(file, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last.substr(0, 300);
+}
+
+struct ActiveRun {
+  std::size_t index = 0;
+  pid_t pid = -1;
+  Descriptor reports;
+  std::string unread;
+  double started = 0;
+  double processor_at_report = 0;
+  RateMeter rate;
+  ProgressDisplay::Line line;
+  std::string error;
+  bool done = false;
+  // Why the supervisor ended it, if it did.
+  enum class Ended { kNo, kTimeLimit, kHang, kStop } ended = Ended::kNo;
+};
+
+class Sweep {
+ public:
+  Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs)
+      : database_(database), options_(options), jobs_(std::move(jobs)) {
+    result_.statuses.assign(jobs_.size(), results::RunStatus::kQueued);
+    exit_codes_.assign(jobs_.size(), 0);
+    const auto cores = std::max<std::size_t>(1, std::thread::hardware_concurrency());
+    const std::size_t at_once =
+        std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
+    for (SweepJob& job : jobs_) {
+      job.work.threads = static_cast<std::uint32_t>(std::max<std::size_t>(1, cores / at_once));
+    }
+  }
+
+  SweepResult Run() {
+    const StopSignals signals;
+    started_ = ActivityClock::Now();
+    while (next_ < jobs_.size() || !active_.empty()) {
+      if (stop_signals > 0 && !stopping_) {
+        stopping_ = true;
+        if (!active_.empty()) {
+          display_.Say("stopping: waiting for checkpoints (again to stop at once)");
+        }
+        EndAll(ActiveRun::Ended::kStop, SIGTERM);
+      } else if (stop_signals > 1 && !stopped_at_once_) {
+        stopped_at_once_ = true;
+        EndAll(ActiveRun::Ended::kStop, SIGKILL);
+      }
+      if (stopping_ && active_.empty()) break;
+      while (!stopping_ && next_ < jobs_.size() &&
+             active_.size() < static_cast<std::size_t>(options_.jobs)) {
+        Start(next_++);
+      }
+      Wait();
+      WatchLimits();
+      Reap();
+      ShowProgress();
+    }
+    if (stopping_) {
+      result_.exit_status = static_cast<int>(ExitCode::kInterrupted);
+    } else {
+      const auto bad = std::find_if(exit_codes_.begin(), exit_codes_.end(),
+                                    [](int code) { return code != 0; });
+      result_.exit_status = bad == exit_codes_.end() ? 0 : *bad;
+    }
+    return std::move(result_);
+  }
+
+ private:
+  void Start(std::size_t index) {
+    const SweepJob& job = jobs_[index];
+    auto run = std::make_unique<ActiveRun>();
+    run->index = index;
+    try {
+      std::error_code error;
+      std::filesystem::create_directories(job.work.folder, error);
+      const std::filesystem::path log_path = job.work.folder / "run.log";
+      const Descriptor log(
+          ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+      if (log.get() < 0) {
+        throw RunnerError(errno == EACCES ? ExitCode::kPermission : ExitCode::kCannotCreate,
+                          "cannot create " + log_path.string() + ": " + std::strerror(errno));
+      }
+      Pipe pipe = MakePipe();
+      const Descriptor input = MemoryFile(EncodeJob(job.work));
+      ChildSpec child;
+      child.arguments = {"worker"};
+      child.input = input.get();
+      child.log = log.get();
+      child.report = pipe.write.get();
+      run->pid = StartChild(child);
+      run->reports = std::move(pipe.read);
+    } catch (const RunnerError& error) {
+      SetStatus(index, results::RunStatus::kFailed, error.exit_status(), error.what());
+      return;
+    }
+    run->started = ActivityClock::Now();
+    run->line.label = job.label;
+    run->line.stage = "starting";
+    run->line.env_steps_target = job.work.spec.steps();
+    run->line.training_return = std::numeric_limits<double>::quiet_NaN();
+    run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
+    display_.Say("started " + job.label);
+    active_[index] = std::move(run);
+  }
+
+  // Sleeps until a report arrives, a child ends or a moment has passed.
+  void Wait() {
+    std::vector<pollfd> polled;
+    for (const auto& [index, run] : active_) {
+      if (run->reports.get() >= 0) polled.push_back({run->reports.get(), POLLIN, 0});
+    }
+    ::poll(polled.data(), polled.size(), 100);
+    for (const auto& [index, run] : active_) Read(run.get());
+  }
+
+  void Read(ActiveRun* run) {
+    if (run->reports.get() < 0) return;
+    char buffer[4096];
+    for (;;) {
+      const ssize_t got = ::read(run->reports.get(), buffer, sizeof buffer);
+      if (got > 0) {
+        run->unread.append(buffer, static_cast<std::size_t>(got));
+      } else {
+        if (got == 0) run->reports.Close();
+        break;
+      }
+    }
+    std::size_t begin = 0;
+    for (std::size_t end; (end = run->unread.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+      if (const auto report = DecodeReport(run->unread.substr(begin, end - begin))) {
+        Take(run, *report);
+      }
+    }
+    run->unread.erase(0, begin);
+    // A plugin that writes without end to our descriptor must not fill memory.
+    if (run->unread.size() > 1 << 20) run->unread.clear();
+  }
+
+  void Take(ActiveRun* run, const Report& report) {
+    switch (report.kind) {
+      case Report::Kind::kProgress:
+        run->processor_at_report = ProcessorSeconds(run->pid);
+        run->line.stage = report.stage;
+        run->line.env_step = report.env_step;
+        run->line.training_return = report.training_return;
+        run->line.evaluation_return = report.evaluation_return;
+        run->rate.Add(ActivityClock::Now(), report.env_step,
+                      report.stage != "explore at random" && report.env_step > 0);
+        run->line.rate = run->rate.Rate();
+        break;
+      case Report::Kind::kError:
+        run->error = report.message;
+        break;
+      case Report::Kind::kDone:
+        run->done = true;
+        break;
+    }
+  }
+
+  void WatchLimits() {
+    const double now = ActivityClock::Now();
+    for (const auto& [index, run] : active_) {
+      if (run->ended != ActiveRun::Ended::kNo) continue;
+      if (options_.time_limit_seconds > 0 && now - run->started > options_.time_limit_seconds) {
+        End(run.get(), ActiveRun::Ended::kTimeLimit, SIGTERM);
+      } else if (options_.hang_timeout_seconds > 0 &&
+                 ProcessorSeconds(run->pid) - run->processor_at_report >
+                     options_.hang_timeout_seconds) {
+        End(run.get(), ActiveRun::Ended::kHang, SIGKILL);
+      }
+    }
+  }
+
+  void End(ActiveRun* run, ActiveRun::Ended why, int signal) {
+    if (run->ended == ActiveRun::Ended::kNo) run->ended = why;
+    ::kill(run->pid, signal);
+    ::kill(run->pid, SIGCONT);  // a stopped worker must hear it
+  }
+
+  void EndAll(ActiveRun::Ended why, int signal) {
+    for (const auto& [index, run] : active_) End(run.get(), why, signal);
+  }
+
+  void Reap() {
+    for (auto it = active_.begin(); it != active_.end();) {
+      int status = 0;
+      const pid_t ended = ::waitpid(it->second->pid, &status, WNOHANG);
+      if (ended == it->second->pid) {
+        Read(it->second.get());
+        Finish(it->second.get(), status);
+        it = active_.erase(it);
+      } else {
+        ++it;
+      }
+    }
+  }
+
+  void Finish(ActiveRun* run, int status) {
+    const SweepJob& job = jobs_[run->index];
+    const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
+    const int interrupted = static_cast<int>(ExitCode::kInterrupted);
+    const std::string log = (job.work.folder / "run.log").string();
+    if (run->ended == ActiveRun::Ended::kHang) {
+      SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+                "no sign of life for " + FormatDuration(options_.hang_timeout_seconds) +
+                    " of processor time while it was to " + run->line.stage +
+                    "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
+    } else if (WIFSIGNALED(status)) {
+      if (run->ended == ActiveRun::Ended::kStop) {
+        SetStatus(run->index, results::RunStatus::kInterrupted, interrupted, "stopped at once");
+      } else if (WTERMSIG(status) == SIGKILL) {
+        SetStatus(run->index, results::RunStatus::kKilled, crashed,
+                  "killed from outside (out of memory?). The same command resumes it");
+      } else {
+        const std::string last = LastLine(job.work.folder / "run.log");
+        SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+                  "crashed with " + DescribeWaitStatus(status) + " while it was to " +
+                      run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
+      }
+    } else if (WEXITSTATUS(status) == 0) {
+      if (run->done) {
+        SetStatus(run->index, results::RunStatus::kFinished, 0, "");
+      } else {
+        SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+                  "its process ended without finishing; a plugin called exit? Log: " + log);
+      }
+    } else if (WEXITSTATUS(status) == interrupted) {
+      SetStatus(run->index, results::RunStatus::kInterrupted, interrupted,
+                run->ended == ActiveRun::Ended::kTimeLimit
+                    ? "time limit of " + FormatDuration(options_.time_limit_seconds) + " reached"
+                    : "");
+    } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
+      SetStatus(run->index, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
+    } else {
+      SetStatus(run->index, results::RunStatus::kFailed, WEXITSTATUS(status),
+                run->error.empty() ? DescribeWaitStatus(status) + ". Log: " + log : run->error);
+    }
+  }
+
+  void SetStatus(std::size_t index, results::RunStatus status, int exit_code,
+                 const std::string& error) {
+    const SweepJob& job = jobs_[index];
+    result_.statuses[index] = status;
+    exit_codes_[index] = exit_code;
+    ++ended_;
+    database_->SetRunStatus(job.work.run_id, status, exit_code, error);
+    std::string message = std::string(results::RunStatusName(status)) + " " + job.label;
+    if (!error.empty()) message += ": " + error;
+    display_.Say(message);
+  }
+
+  void ShowProgress() {
+    const double now = ActivityClock::Now();
+    if (now - last_shown_ < 0.25) return;
+    last_shown_ = now;
+    std::map<std::size_t, ProgressDisplay::Line> lines;
+    double active_left = 0;
+    double rate = 0;
+    for (const auto& [index, run] : active_) {
+      lines[index] = run->line;
+      if (run->line.rate > 0) {
+        active_left = std::max(active_left, static_cast<double>(run->line.env_steps_target -
+                                                                run->line.env_step) /
+                                                run->line.rate);
+        rate += run->line.rate;
+      }
+    }
+    std::string summary = std::to_string(ended_) + " of " + std::to_string(jobs_.size()) +
+                          " runs ended, " + std::to_string(active_.size()) + " active, " +
+                          FormatDuration(now - started_) + " so far";
+    double waiting_steps = 0;
+    for (std::size_t i = next_; i < jobs_.size(); ++i) {
+      waiting_steps += static_cast<double>(jobs_[i].work.spec.steps());
+    }
+    if (rate > 0) {
+      summary += ", about " + FormatDuration(active_left + waiting_steps / rate) + " left";
+    }
+    display_.Show(lines, summary);
+  }
+
+  results::Database* database_;
+  const ProcessOptions& options_;
+  std::vector<SweepJob> jobs_;
+  std::size_t next_ = 0;
+  std::size_t ended_ = 0;
+  std::map<std::size_t, std::unique_ptr<ActiveRun>> active_;
+  std::vector<int> exit_codes_;
+  SweepResult result_;
+  ProgressDisplay display_;
+  bool stopping_ = false;
+  bool stopped_at_once_ = false;
+  double started_ = 0;
+  double last_shown_ = 0;
+};
+
+}  // namespace
+
+SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
+                     std::vector<SweepJob> jobs) {
+  return Sweep(database, options, std::move(jobs)).Run();
+}
+
+}  // namespace dreamsearch

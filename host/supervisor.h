@@ -1,0 +1,37 @@
+// supervisor.h - runs a sweep, one worker process a run.
+//
+// The supervisor loads no plugin. It starts workers, shows their progress, ends
+// those that hang or overstay, and writes every run's final status. A worker that
+// crashes, hangs or eats memory costs its run, never the sweep.
+//
+// Stopping SIGINT, SIGTERM, SIGUSR1 or SIGHUP: workers finish their decision or
+//          update, checkpoint and end; a second one ends them at once. Either
+//          way every run can be resumed.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "error.h"
+#include "options.h"
+#include "results/database.h"
+#include "worker.h"
+
+namespace dreamsearch {
+
+struct SweepJob {
+  WorkerJob work;
+  std::string label;  // "walker_walk mcts_pw seed 0"
+};
+
+struct SweepResult {
+  // One a job, in their order; nullopt-like kQueued for those never started.
+  std::vector<results::RunStatus> statuses;
+  // 75 if stopped, else the first that is not 0 in the order of the jobs.
+  int exit_status = 0;
+};
+
+SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
+                     std::vector<SweepJob> jobs);
+
+}  // namespace dreamsearch

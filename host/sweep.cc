@@ -1,0 +1,218 @@
+#include "sweep.h"
+
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "catalogue.h"
+#include "provenance.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr char kSpecFile[] = "run.json";
+
+results::RunKey KeyOf(const RunSpec& spec) {
+  results::RunKey key;
+  key.study = spec.study;
+  key.task = spec.environment.name();
+  key.planner = spec.planner.name();
+  key.model = spec.model.name();
+  key.config_sha256 = ConfigurationSha256(spec);
+  key.seed = static_cast<std::int64_t>(spec.seed);
+  key.action_repeat = spec.action_repeat();
+  return key;
+}
+
+// Which of the run's plugins is not the one it was begun with; empty if none.
+std::string ChangedPlugin(results::Database* database, const results::RunInfo& run,
+                          const RunSpec& spec) {
+  const std::pair<std::optional<std::int64_t>, const ResolvedComponent*> plugins[] = {
+      {run.env_plugin, &spec.environment},
+      {run.model_plugin, &spec.model},
+      {run.planner_plugin, &spec.planner}};
+  for (const auto& [plugin_id, component] : plugins) {
+    if (!plugin_id) continue;
+    const results::PluginInfo stored = database->GetPlugin(*plugin_id);
+    const PluginInfo& now = component->info->plugin;
+    if (stored.sha256 != now.sha256) {
+      return "plugin " + now.name + " changed (" + now.path + ": SHA-256 " +
+             stored.sha256.substr(0, 12) + " then, " + now.sha256.substr(0, 12) + " now)";
+    }
+  }
+  return "";
+}
+
+std::int64_t PluginId(results::Database* database, const ResolvedComponent& component) {
+  const PluginInfo& plugin = component.info->plugin;
+  results::PluginInfo row;
+  row.name = plugin.name;
+  row.version = plugin.version;
+  row.abi = std::to_string(plugin.sdk_major) + "." + std::to_string(plugin.sdk_minor);
+  row.file = plugin.path;
+  row.sha256 = plugin.sha256;
+  return database->Plugin(row);
+}
+
+void RemoveCheckpoints(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    if (entry.path().extension() == ".ckpt") std::filesystem::remove(entry.path(), ignored);
+  }
+}
+
+SweepJob JobFor(results::Database* database, const ProcessOptions& options, const RunSpec& spec,
+                std::int64_t run_id, const std::string& uuid) {
+  SweepJob job;
+  job.label = RunLabel(spec);
+  job.work.spec = spec;
+  job.work.db = database->path();
+  job.work.run_id = run_id;
+  job.work.folder = database->RunFolder(uuid);
+  job.work.memory_limit_bytes = options.memory_limit_bytes;
+  job.work.log_decisions = options.log_decisions;
+  return job;
+}
+
+void WriteSpec(const std::filesystem::path& folder, const RunSpec& spec) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  std::ofstream file(folder / kSpecFile, std::ios::trunc);
+  file << ToJson(spec).dump(2) << "\n";
+  file.close();
+  if (!file) {
+    throw RunnerError(ExitCode::kCannotCreate,
+                      "cannot write " + (folder / kSpecFile).string());
+  }
+}
+
+}  // namespace
+
+std::string RunLabel(const RunSpec& spec) {
+  std::string label = spec.environment.name() + " " + spec.planner.name();
+  if (spec.model.name() != "dreamer") label += " on " + spec.model.name();
+  return label + " seed " + std::to_string(spec.seed);
+}
+
+std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<RunSpec>& specs) {
+  std::vector<PlannedRun> planned;
+  for (const RunSpec& spec : specs) {
+    PlannedRun run;
+    run.spec = spec;
+    const std::optional<results::RunInfo> found =
+        database != nullptr ? database->FindRun(KeyOf(spec)) : std::nullopt;
+    if (found) {
+      run.run_id = found->run_id;
+      const std::filesystem::path folder = database->RunFolder(found->uuid);
+      const bool failed = found->status == results::RunStatus::kFailed ||
+                          found->status == results::RunStatus::kCrashed ||
+                          found->status == results::RunStatus::kDiverged;
+      if (found->status == results::RunStatus::kFinished) {
+        run.action = Action::kSkipFinished;
+      } else if (RunIsLocked(folder)) {
+        run.action = Action::kSkipActive;
+        run.note = "another process is working on it";
+      } else if (failed && !options.retry) {
+        run.action = Action::kSkipFailed;
+        run.note = std::string(results::RunStatusName(found->status)) + " before (" +
+                   found->error + "); --retry runs it again";
+      } else if (const std::string changed = ChangedPlugin(database, *found, spec);
+                 !changed.empty()) {
+        if (!options.replace) {
+          throw RunnerError(ExitCode::kPluginRefused,
+                            RunLabel(spec) + " was begun with another plugin: " + changed +
+                                ". Use --replace to start it over, or another --study");
+        }
+        run.action = Action::kStartOver;
+        run.note = changed;
+      } else {
+        run.action = Action::kResume;
+        run.note = "from environment step " + std::to_string(found->env_steps_done);
+      }
+    }
+    planned.push_back(std::move(run));
+  }
+  return planned;
+}
+
+std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<PlannedRun>& runs,
+                                  const std::vector<results::TaskInfo>& tasks,
+                                  const std::vector<std::string>& argv) {
+  std::vector<SweepJob> jobs;
+  const std::int64_t build_id = database->Build(ThisBuild());
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const PlannedRun& run = runs[i];
+    const RunSpec& spec = run.spec;
+    if (run.action == Action::kResume) {
+      jobs.push_back(JobFor(database, options, spec, run.run_id,
+                            database->GetRun(run.run_id)->uuid));
+      continue;
+    }
+    if (run.action != Action::kStart && run.action != Action::kStartOver) continue;
+    results::NewRun row;
+    row.study_id = database->Study(spec.study);
+    row.task_id = database->Task(tasks[i]);
+    row.planner = spec.planner.name();
+    row.model = spec.model.name();
+    row.env_plugin = PluginId(database, spec.environment);
+    row.model_plugin = PluginId(database, spec.model);
+    row.planner_plugin = PluginId(database, spec.planner);
+    row.config_id = database->Config(CanonicalJson(spec));
+    row.preset = spec.preset;
+    row.seed = static_cast<std::int64_t>(spec.seed);
+    row.action_repeat = spec.action_repeat();
+    row.env_steps_target = static_cast<std::int64_t>(spec.steps());
+    row.argv = nlohmann::json(argv).dump();
+    row.build_id = build_id;
+    std::int64_t run_id = run.run_id;
+    std::string uuid;
+    if (run.action == Action::kStartOver) {
+      uuid = database->GetRun(run_id)->uuid;
+      RemoveCheckpoints(database->RunFolder(uuid));
+      database->ReplaceRun(run_id, row);
+    } else {
+      const results::CreatedRun created = database->CreateRun(row);
+      run_id = created.run_id;
+      uuid = created.uuid;
+    }
+    WriteSpec(database->RunFolder(uuid), spec);
+    jobs.push_back(JobFor(database, options, spec, run_id, uuid));
+  }
+  return jobs;
+}
+
+SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
+                     const results::RunInfo& run) {
+  const std::filesystem::path path =
+      std::filesystem::path(database->RunFolder(run.uuid)) / kSpecFile;
+  std::ifstream file(path);
+  if (!file) {
+    throw RunnerError(ExitCode::kNotFound,
+                      "no " + path.string() + ": the files of run " + std::to_string(run.run_id) +
+                          " are gone. Give the command that began it again: " + run.argv);
+  }
+  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+  if (json.is_discarded()) {
+    throw RunnerError(ExitCode::kBadInput, path.string() + " is not what `runner` wrote");
+  }
+  const RunSpec spec = RunSpecFromJson(json);
+  for (const ResolvedComponent* component :
+       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+    const PluginInfo& plugin = component->info->plugin;
+    const std::string now = FileSha256(plugin.path);
+    if (now != plugin.sha256) {
+      throw RunnerError(ExitCode::kPluginRefused,
+                        "run " + std::to_string(run.run_id) + " was begun with another " +
+                            plugin.path + " (SHA-256 " + plugin.sha256.substr(0, 12) +
+                            " then, " + now.substr(0, 12) +
+                            " now). Give its command again with --replace to start it over, or "
+                            "with another --study");
+    }
+  }
+  return JobFor(database, options, spec, run.run_id, run.uuid);
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,48 @@
+// sweep.h - from resolved runs to jobs in a database.
+//
+// Decides for each run of a matrix whether it is new, goes on, is left alone or
+// must not be touched, and records what is to be run.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "options.h"
+#include "probe.h"
+#include "results/database.h"
+#include "settings.h"
+#include "supervisor.h"
+
+namespace dreamsearch {
+
+// "walker_walk mcts_pw seed 0", with the model where it is not `dreamer`.
+std::string RunLabel(const RunSpec& spec);
+
+enum class Action { kStart, kResume, kStartOver, kSkipFinished, kSkipFailed, kSkipActive };
+
+struct PlannedRun {
+  RunSpec spec;
+  Action action = Action::kStart;
+  std::int64_t run_id = 0;  // 0: not recorded yet
+  std::string note;         // why it is left alone, or what it goes on from
+};
+
+// What the same command does now. Reads only; `database` may be null (no file yet).
+// Throws RunnerError 69 for an unfinished run whose plugins changed, unless
+// options.replace.
+std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<RunSpec>& specs);
+
+// Records the planned runs and returns the jobs for those to be worked on, in
+// order. tasks: one a spec, from ProbeRun.
+std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<PlannedRun>& runs,
+                                  const std::vector<results::TaskInfo>& tasks,
+                                  const std::vector<std::string>& argv);
+
+// The job of a recorded run, from the run.json in its folder. Throws RunnerError 66
+// if that is gone, 69 if a plugin's file has changed.
+SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
+                     const results::RunInfo& run);
+
+}  // namespace dreamsearch

@@ -1,0 +1,256 @@
+#include "worker.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "catalogue.h"
+#include "child_process.h"
+#include "experiment.h"
+#include "provenance.h"
+#include "report.h"
+#include "results/database.h"
+#include "results/run_writer.h"
+
+namespace dreamsearch {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+
+// First request: stop at the next decision or update. Second: at once.
+void OnStopSignal(int) {
+  if (stop_requested.exchange(true)) ::_exit(static_cast<int>(ExitCode::kInterrupted));
+}
+
+void CatchStopSignals() {
+  struct sigaction action{};
+  action.sa_handler = OnStopSignal;
+  action.sa_flags = SA_RESTART;
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP}) ::sigaction(signal, &action, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+std::filesystem::path LockPath(const std::filesystem::path& folder) { return folder / "lock"; }
+
+// Holds the run for this process until it ends.
+Descriptor LockRun(const std::filesystem::path& folder) {
+  Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (lock.get() < 0) {
+    throw RunnerError(ExitCode::kCannotCreate, "cannot create " + LockPath(folder).string() +
+                                                   ": " + std::strerror(errno));
+  }
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    throw RunnerError(ExitCode::kInputOutput,
+                      "another process is working on this run: " + LockPath(folder).string() +
+                          " is locked");
+  }
+  return lock;
+}
+
+// What a checkpoint must agree with before a run goes on from it.
+std::string CheckpointHeader(const RunSpec& spec) {
+  nlohmann::json header;
+  header["configuration"] = ConfigurationSha256(spec);
+  header["seed"] = spec.seed;
+  for (const ResolvedComponent* component :
+       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+    header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
+  }
+  header["instruction_set"] = InstructionSet();
+  return header.dump();
+}
+
+void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
+                 const std::filesystem::path& path) {
+  const auto found = sections.find("header");
+  const nlohmann::json stored = nlohmann::json::parse(
+      found != sections.end() ? found->second : std::string(), nullptr, false);
+  const nlohmann::json expected = nlohmann::json::parse(CheckpointHeader(job.spec));
+  if (!stored.is_object()) {
+    throw RunnerError(ExitCode::kBadInput, path.string() + " has no readable header");
+  }
+  for (const char* key : {"configuration", "seed", "plugins"}) {
+    if (stored.value(key, nlohmann::json()) != expected[key]) {
+      throw RunnerError(ExitCode::kPluginRefused,
+                        path.string() + " was made with another " + key + ": it has " +
+                            stored.value(key, nlohmann::json()).dump() + ", this run " +
+                            expected[key].dump() +
+                            ". Use the old one, another --study, or --replace to start over");
+    }
+  }
+  if (stored.value("instruction_set", "") != InstructionSet() && !job.force) {
+    throw RunnerError(ExitCode::kPluginRefused,
+                      path.string() + " was made with the instruction set " +
+                          stored.value("instruction_set", "?") + ", this process has " +
+                          InstructionSet() +
+                          "; the bits would differ. Resume on the old kind of machine, or go on "
+                          "with `runner resume --force`");
+  }
+}
+
+void CheckPluginFiles(const RunSpec& spec) {
+  for (const ResolvedComponent* component :
+       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+    const PluginInfo& plugin = component->info->plugin;
+    const std::string now = FileSha256(plugin.path);
+    if (now != plugin.sha256) {
+      throw RunnerError(ExitCode::kPluginRefused,
+                        plugin.path + " changed since it was described: expected SHA-256 " +
+                            plugin.sha256 + ", found " + now);
+    }
+  }
+}
+
+void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
+
+int Work(const WorkerJob& job) {
+  if (job.memory_limit_bytes != 0) {
+    const rlimit limit{job.memory_limit_bytes, job.memory_limit_bytes};
+    ::setrlimit(RLIMIT_AS, &limit);
+  }
+  const Descriptor lock = LockRun(job.folder);
+  CheckPluginFiles(job.spec);
+  const CheckpointFolder checkpoints(job.folder);
+  std::optional<CheckpointFolder::Loaded> loaded = checkpoints.LoadNewest();
+  if (loaded) CheckHeader(loaded->sections, job, loaded->path);
+
+  const auto database = results::Database::OpenExisting(job.db);
+  results::RunWriter writer(database.get(), job.run_id);
+  results::SegmentInfo segment;
+  segment.pid = ::getpid();
+  segment.host_id = database->Host(ThisHost());
+  segment.build_id = database->Build(ThisBuild());
+  segment.instruction_set = InstructionSet();
+  if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
+  writer.BeginSegment(segment, loaded ? Experiment::ResumePointOf(loaded->sections)
+                                      : results::ResumePoint());
+
+  Experiment::Options options;
+  options.threads = job.threads;
+  options.log_decisions = job.log_decisions;
+  options.checkpoint_header = CheckpointHeader(job.spec);
+  std::unique_ptr<Experiment> experiment;
+  try {
+    experiment = std::make_unique<Experiment>(job.spec, options, &writer, job.folder);
+    if (loaded) {
+      for (const std::string& skipped : loaded->skipped) {
+        writer.AddEvent(0, "warning", "damaged_checkpoint", skipped);
+        std::cerr << "warning: " << skipped << "\n";
+      }
+      experiment->Load(loaded->sections);
+      writer.AddEvent(static_cast<std::int64_t>(experiment->env_step()), "info", "resume",
+                      "from " + loaded->path.filename().string());
+      std::cerr << "resumed at environment step " << experiment->env_step() << "\n";
+      loaded.reset();
+    }
+    double last_report = 0;
+    const Experiment::Outcome outcome =
+        experiment->Run(&stop_requested, [&](const ExperimentProgress& progress) {
+          const double now = ActivityClock::Now();
+          if (now - last_report < 0.2) return;
+          last_report = now;
+          Report report;
+          report.stage = progress.stage;
+          report.env_step = progress.env_step;
+          report.training_return = progress.training_return;
+          report.evaluation_return = progress.evaluation_return;
+          Send(report);
+        });
+    const auto env_step = static_cast<std::int64_t>(experiment->env_step());
+    if (outcome == Experiment::Outcome::kInterrupted) {
+      writer.EndSegment("interrupted", env_step);
+      std::cerr << "interrupted at environment step " << env_step << ", checkpoint written\n";
+      return static_cast<int>(ExitCode::kInterrupted);
+    }
+    Report report;
+    report.kind = Report::Kind::kDone;
+    report.result_digest = writer.Finish();
+    Send(report);
+    std::cerr << "finished, result digest " << report.result_digest << "\n";
+    return 0;
+  } catch (const RunnerError& error) {
+    writer.AddEvent(experiment ? static_cast<std::int64_t>(experiment->env_step()) : 0, "error",
+                    error.code() == ExitCode::kDiverged ? "diverged" : "failed", error.what());
+    writer.EndSegment(error.code() == ExitCode::kDiverged ? "diverged" : "failed",
+                      experiment ? static_cast<std::int64_t>(experiment->env_step()) : 0);
+    throw;
+  }
+}
+
+}  // namespace
+
+std::string EncodeJob(const WorkerJob& job) {
+  nlohmann::json json;
+  json["spec"] = ToJson(job.spec);
+  json["db"] = job.db;
+  json["run_id"] = job.run_id;
+  json["folder"] = job.folder.string();
+  json["threads"] = job.threads;
+  json["memory_limit_bytes"] = job.memory_limit_bytes;
+  json["log_decisions"] = job.log_decisions;
+  json["force"] = job.force;
+  return json.dump();
+}
+
+WorkerJob DecodeJob(const std::string& text) {
+  try {
+    const nlohmann::json json = nlohmann::json::parse(text);
+    WorkerJob job;
+    job.spec = RunSpecFromJson(json.at("spec"));
+    job.db = json.at("db");
+    job.run_id = json.at("run_id");
+    job.folder = json.at("folder").get<std::string>();
+    job.threads = json.at("threads");
+    job.memory_limit_bytes = json.at("memory_limit_bytes");
+    job.log_decisions = json.at("log_decisions");
+    job.force = json.at("force");
+    return job;
+  } catch (const nlohmann::json::exception& error) {
+    throw RunnerError(ExitCode::kInternal,
+                      std::string("a worker is started by `runner` and takes its job on standard "
+                                  "input: ") + error.what());
+  }
+}
+
+int WorkerMain() {
+  // Die politely if the supervisor dies.
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  CatchStopSignals();
+  const auto fail = [](int status, const std::string& message) {
+    std::cerr << "error: " << message << "\n";
+    Report report;
+    report.kind = Report::Kind::kError;
+    report.message = message;
+    Send(report);
+    return status;
+  };
+  try {
+    return Work(DecodeJob(ReadAll(0)));
+  } catch (const RunnerError& error) {
+    return fail(error.exit_status(), error.what());
+  } catch (const results::Error& error) {
+    return fail(error.exit_code(), error.what());
+  } catch (const std::bad_alloc&) {
+    return fail(static_cast<int>(ExitCode::kInternal),
+                "out of memory; raise --memory-limit, or lower run.replay_capacity or --jobs");
+  }
+}
+
+bool RunIsLocked(const std::filesystem::path& folder) {
+  const Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
+  if (lock.get() < 0) return false;
+  return ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0;
+}
+
+}  // namespace dreamsearch
