@@ -54,6 +54,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
   const View<double> mode{mode_.data(), mode_.size()};
   const View<double> played{played_.data(), played_.size()};
   Status status = model_->ProposeMode(request.root, {mode.data, 1, mode.size});
+  if (status.ok()) status = CheckFinite("an action component", mode);
   if (status.ok()) status = BeginSearch();
   if (status.ok()) status = Search(budget);
   if (!status.ok()) {

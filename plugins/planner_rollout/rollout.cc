@@ -90,6 +90,8 @@ class Rollout final : public Planner {
     if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
     Status status = model_->ProposeMode(request.root, {mode_.data(), 1, sizes_.action_size});
     if (!status.ok()) return status;
+    status = CheckFinite("an action component", {mode_.data(), mode_.size()});
+    if (!status.ok()) return status;
     if (status = DrawCandidates(request); !status.ok()) return status;
     if (status = Imagine(request); !status.ok()) return status;
     ComputeReturns();

@@ -1,4 +1,4 @@
 dreamsearch_add_benchmark(planner_benchmark
   SOURCES planner_benchmark.cc LINK ${CMAKE_DL_LIBS})
 target_include_directories(planner_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/..)
-add_dependencies(planner_benchmark planner_dreamer planner_rollout planner_mcts)
+add_dependencies(planner_benchmark planner_dreamer planner_rollout planner_mcts planner_shooting)

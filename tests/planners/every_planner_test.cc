@@ -369,6 +369,9 @@ TEST_P(EveryPlanner, ReportsNumbersThatAreNotFinite) {
     {
       ScriptedModel model = Drift();
       model.value = [bad](const ScriptedState&) { return bad; };
+      model.transition = [bad](const ScriptedState& state, ScriptedModel::Action) {
+        return ScriptedTransition{state, bad, 1};
+      };
       LoadedPlanner planner(*GetParam(), &model);
       EXPECT_EQ(planner.Plan(AsLatents(Start())).status.code, StatusCode::kNotFinite);
     }

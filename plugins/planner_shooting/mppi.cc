@@ -1,0 +1,216 @@
+// mppi.cc - model predictive path integral control over action sequences, as
+// TD-MPC2 plans (Williams et al. 2015; Hansen, Su, Wang 2024, section 3.2).
+//
+// As in the cross-entropy method a Gaussian over sequences is refitted, but
+//   - some candidates follow samples of the actor, the same in every iteration;
+//   - a sequence's return ends with the value of its last latent;
+//   - elites count with weight exp(temperature * (return - best return));
+//   - the standard deviation is kept between two bounds;
+//   - the mean starts from the plan of the decision before, shifted by one
+//     transition (zero at an episode's start), the deviation from its upper bound.
+// The first action of one elite, drawn by weight, is played, or that of the mean.
+// Exploring adds noise of the plan's own standard deviation.
+//
+// The value it reports is the weighted mean return of the last elites.
+#include <string>
+
+#include "shooting_planner.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr ParameterSpec kParameters[] = {
+    IntParameter("candidates", 512, 2, 1000000, "sequences",
+                 "Sequences an iteration, those of the actor included (Hansen et al. 2024)."),
+    IntParameter("actor_candidates", 24, 0, 1000000, "sequences",
+                 "Sequences that follow the actor (Hansen et al. 2024)."),
+    IntParameter("elites", 64, 1, 1000000, "sequences",
+                 "Sequences that mean and deviation are refitted to (Hansen et al. 2024)."),
+    IntParameter("iterations", 6, 1, 1000, "", "Refits a decision (Hansen et al. 2024)."),
+    IntParameter("horizon", 3, 1, 1000, "transitions",
+                 "Actions in a sequence (Hansen et al. 2024)."),
+    RealParameter("temperature", 0.5, 0, 1e6, "",
+                  "Elites count with exp(temperature (return - best)) (Hansen et al. 2024)."),
+    RealParameter("min_std", 0.05, 0, 10, "", "Least deviation (Hansen et al. 2024)."),
+    RealParameter("max_std", 2, 1e-6, 10, "",
+                  "Largest deviation, and that of the first candidates (Hansen et al. 2024)."),
+    BoolParameter("bootstrap", true,
+                  "Add the value of the last imagined latent to the return of a sequence (Hansen "
+                  "et al. 2024)."),
+    BoolParameter("warm_start", true,
+                  "Start from the last decision's mean, shifted by one (Hansen et al. 2024)."),
+    ChoiceParameter("play", "elite", "elite,mean",
+                    "Play an elite drawn by weight (Hansen et al. 2024) or the mean."),
+};
+
+enum Stream : std::uint64_t { kActor = 1, kIteration = 2, kElite = 3, kNoise = 4 };
+
+class Mppi final : public ShootingPlanner {
+ public:
+  explicit Mppi(const PlannerContext& context)
+      : ShootingPlanner(context, Count(context, "candidates")),
+        actor_candidates_(Count(context, "actor_candidates")),
+        elites_(Count(context, "elites")),
+        iterations_(Count(context, "iterations")),
+        temperature_(context.parameters.GetReal("temperature")),
+        min_std_(context.parameters.GetReal("min_std")),
+        max_std_(context.parameters.GetReal("max_std")),
+        bootstrap_(context.parameters.GetBool("bootstrap")),
+        warm_start_(context.parameters.GetBool("warm_start")),
+        play_mean_(context.parameters.IsChoice("play", "mean")),
+        mean_(trajectories_.horizon() * context.action_size),
+        std_(trajectories_.horizon() * context.action_size),
+        weights_(elites_) {
+    AtMostCandidates("elites", elites_);
+    AtMostCandidates("actor_candidates", actor_candidates_);
+    if (min_std_ > max_std_) {
+      throw std::invalid_argument("min_std is " + std::to_string(min_std_) +
+                                  ", expected at most max_std, which is " +
+                                  std::to_string(max_std_));
+    }
+  }
+
+  // The mean of the last plan.
+  Status Save(ByteSink* sink) const noexcept override {
+    return sink->Write(mean_.data(), mean_.size() * sizeof(double));
+  }
+  Status Load(ByteSource* source) noexcept override {
+    Status status = source->Read(mean_.data(), mean_.size() * sizeof(double));
+    if (!status.ok()) ForgetPlan();
+    return status;
+  }
+
+ private:
+  void AtMostCandidates(const char* name, std::uint64_t value) const {
+    if (value <= trajectories_.count()) return;
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                                ", expected at most candidates, which is " +
+                                std::to_string(trajectories_.count()));
+  }
+
+  void ForgetPlan() noexcept override { std::fill(mean_.begin(), mean_.end(), 0.0); }
+
+  Status Search(const PlanRequest& request, View<double> played,
+                ShootingPlan* plan) noexcept override {
+    if (warm_start_) {
+      std::copy(mean_.begin() + static_cast<std::ptrdiff_t>(played.size), mean_.end(),
+                mean_.begin());
+      std::fill(mean_.end() - static_cast<std::ptrdiff_t>(played.size), mean_.end(), 0.0);
+    } else {
+      ForgetPlan();
+    }
+    std::fill(std_.begin(), std_.end(), max_std_);
+    Status status;
+    if (actor_candidates_ > 0) {
+      status = trajectories_.FollowActor(model_, request.root, actor_candidates_,
+                                         DeriveSeed(request.seed, kActor));
+      if (!status.ok()) return status;
+    }
+    for (std::uint64_t k = 0; k < iterations_; ++k) {
+      const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
+      Draw(DeriveSeed(seed, 0));
+      status = trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(seed, 1));
+      if (!status.ok()) return status;
+      Refit();
+    }
+
+    const View<const std::uint32_t> elites = trajectories_.Best(elites_);
+    if (play_mean_) {
+      std::copy_n(mean_.data(), played.size, played.data);
+    } else {
+      const std::uint32_t elite = elites[DrawElite(DeriveSeed(request.seed, kElite))];
+      std::copy_n(trajectories_.actions(0).row(elite).data, played.size, played.data);
+    }
+    for (std::uint64_t i = 0; i < elites_; ++i) {
+      plan->value += weights_[i] * trajectories_.returns()[elites[i]];
+    }
+    for (std::uint64_t j = 0; j < played.size; ++j) {
+      plan->std += std_[j] / static_cast<double>(played.size);
+    }
+    plan->iterations = iterations_;
+    if (request.explore) {
+      Random random(DeriveSeed(request.seed, kNoise));
+      for (std::uint64_t j = 0; j < played.size; ++j) {
+        played[j] = std::clamp(played[j] + std_[j] * random.Normal(), -1.0, 1.0);
+      }
+    }
+    return OkStatus();
+  }
+
+  // All candidates but those of the actor.
+  void Draw(std::uint64_t seed) noexcept {
+    Random random(seed);
+    const std::uint64_t size = sizes_.action_size;
+    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
+      const MatrixView<double> actions = trajectories_.actions(t);
+      for (std::uint64_t i = actor_candidates_; i < actions.rows; ++i) {
+        for (std::uint64_t j = 0; j < size; ++j) {
+          actions(i, j) = std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(),
+                                     -1.0, 1.0);
+        }
+      }
+    }
+  }
+
+  void Refit() noexcept {
+    const View<const std::uint32_t> elites = trajectories_.Best(elites_);
+    const double best = trajectories_.returns()[elites[0]];
+    double sum = 0;
+    for (std::uint64_t i = 0; i < elites_; ++i) {
+      weights_[i] = std::exp(temperature_ * (trajectories_.returns()[elites[i]] - best));
+      sum += weights_[i];
+    }
+    for (double& weight : weights_) weight /= sum;
+    const std::uint64_t size = sizes_.action_size;
+    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
+      const MatrixView<double> actions = trajectories_.actions(t);
+      for (std::uint64_t j = 0; j < size; ++j) {
+        double mean = 0, variance = 0;
+        for (std::uint64_t i = 0; i < elites_; ++i) mean += weights_[i] * actions(elites[i], j);
+        for (std::uint64_t i = 0; i < elites_; ++i) {
+          const double offset = actions(elites[i], j) - mean;
+          variance += weights_[i] * offset * offset;
+        }
+        mean_[t * size + j] = mean;
+        std_[t * size + j] = std::clamp(std::sqrt(variance), min_std_, max_std_);
+      }
+    }
+  }
+
+  // An index into the elites, by weight.
+  std::uint64_t DrawElite(std::uint64_t seed) const noexcept {
+    double left = Random(seed).Uniform();
+    for (std::uint64_t i = 0; i + 1 < elites_; ++i) {
+      left -= weights_[i];
+      if (left < 0) return i;
+    }
+    return elites_ - 1;
+  }
+
+  const std::uint64_t actor_candidates_;
+  const std::uint64_t elites_;
+  const std::uint64_t iterations_;
+  const double temperature_;
+  const double min_std_;
+  const double max_std_;
+  const bool bootstrap_;
+  const bool warm_start_;
+  const bool play_mean_;
+  std::vector<double> mean_;     // [H, A]
+  std::vector<double> std_;      // [H, A]
+  std::vector<double> weights_;  // [elites], of the last refit, sum 1
+};
+
+}  // namespace
+
+constexpr ComponentDescriptor kMppi = {
+    .kind = ComponentKind::kPlanner,
+    .name = "mppi",
+    .version = "1.0.0",
+    .summary = "Path integral control with actor proposals, bootstrap and warm start (TD-MPC2)",
+    .parameters = ViewOf(kParameters),
+    .metrics = ViewOf(kShootingMetrics),
+    .create_planner = CreatePlanner<Mppi>,
+};
+
+}  // namespace dreamsearch

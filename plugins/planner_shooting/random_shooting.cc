@@ -1,0 +1,65 @@
+// random_shooting.cc - imagines action sequences drawn uniformly and plays the
+// first action of the one with the largest return (Richards 2005; the baseline of
+// Nagabandi et al. 2018).
+//
+// The value it reports is that largest return.
+#include "shooting_planner.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr ParameterSpec kParameters[] = {
+    IntParameter("candidates", 1000, 1, 1000000, "sequences", "Sequences a decision."),
+    IntParameter("horizon", 12, 1, 1000, "transitions", "Actions in a sequence."),
+    kBootstrapParameter,
+    kPlayedNoiseParameter,
+};
+
+enum Stream : std::uint64_t { kActions = 1, kImagine = 2, kNoise = 3 };
+
+class RandomShooting final : public ShootingPlanner {
+ public:
+  explicit RandomShooting(const PlannerContext& context)
+      : ShootingPlanner(context, Count(context, "candidates")),
+        bootstrap_(context.parameters.GetBool("bootstrap")),
+        noise_std_(context.parameters.GetReal("noise_std")) {}
+
+ private:
+  Status Search(const PlanRequest& request, View<double> played,
+                ShootingPlan* plan) noexcept override {
+    Random random(DeriveSeed(request.seed, kActions));
+    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
+      const MatrixView<double> actions = trajectories_.actions(t);
+      for (std::uint64_t i = 0; i < actions.size(); ++i) actions.data[i] = random.Uniform(-1, 1);
+    }
+    Status status = trajectories_.Imagine(model_, request.root, bootstrap_,
+                                          DeriveSeed(request.seed, kImagine));
+    if (!status.ok()) return status;
+    const std::uint32_t best = trajectories_.Best(1)[0];
+    std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
+    if (request.explore) {
+      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise),
+                          {played.data, 1, played.size});
+    }
+    plan->value = trajectories_.returns()[best];
+    plan->std = 1 / std::sqrt(3.0);  // of a uniform draw from [-1, 1]
+    return OkStatus();
+  }
+
+  const bool bootstrap_;
+  const double noise_std_;
+};
+
+}  // namespace
+
+constexpr ComponentDescriptor kRandomShooting = {
+    .kind = ComponentKind::kPlanner,
+    .name = "random_shooting",
+    .version = "1.0.0",
+    .summary = "Plays the first action of the best of many uniformly random sequences",
+    .parameters = ViewOf(kParameters),
+    .metrics = ViewOf(kShootingMetrics),
+    .create_planner = CreatePlanner<RandomShooting>,
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,108 @@
+// shooting_planner.h - what planners over whole action sequences share.
+#pragma once
+
+#include <vector>
+
+#include "dreamsearch/planning.h"
+#include "trajectories.h"
+
+namespace dreamsearch {
+
+enum ShootingMetric { kModeDistance, kReturnSpread, kPlanStd, kShootingMetricCount };
+constexpr MetricSpec kShootingMetrics[] = {
+    {"mode_distance", "", "Euclidean distance of the played action from the actor's mode action."},
+    {"return_spread", "", "Standard deviation of the last candidates' returns."},
+    {"plan_std", "", "Mean standard deviation of the plan's first action, over its components."},
+};
+static_assert(std::size(kShootingMetrics) == kShootingMetricCount);
+
+// Exploring adds Gaussian noise to the played action only: the candidates are
+// random as they are.
+constexpr ParameterSpec kPlayedNoiseParameter =
+    RealParameter("noise_std", 0.3, 0, 10, "",
+                  "Standard deviation of the Gaussian noise on the played action while exploring "
+                  "(Hafner et al. 2019).");
+constexpr ParameterSpec kBootstrapParameter =
+    BoolParameter("bootstrap", false,
+                  "Add the value of the last imagined latent to the return of a sequence.");
+
+// A plan: what a derived class found.
+struct ShootingPlan {
+  double value = 0;              // the planner's estimate of the root's value
+  double std = 0;                // of the first action
+  std::uint64_t iterations = 1;  // times all sequences were imagined
+};
+
+class ShootingPlanner : public Planner {
+ public:
+  Status BeginEpisode(LatentModel* model) noexcept final {
+    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
+    model_ = model;
+    ForgetPlan();
+    return OkStatus();
+  }
+
+  Status Plan(const PlanRequest& request, PlanResult* result) noexcept final {
+    if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
+    Status status = model_->ProposeMode(request.root, {mode_.data(), 1, mode_.size()});
+    if (status.ok()) status = CheckFinite("an action component", {mode_.data(), mode_.size()});
+    if (!status.ok()) return status;
+    ShootingPlan plan;
+    const View<double> played{played_.data(), played_.size()};
+    if (status = Search(request, played, &plan); !status.ok()) {
+      ForgetPlan();
+      return status;
+    }
+    std::copy(played_.begin(), played_.end(), result->action.data);
+    result->metrics[kModeDistance] = ActionDistance(played, {mode_.data(), mode_.size()});
+    result->metrics[kReturnSpread] = trajectories_.ReturnSpread();
+    result->metrics[kPlanStd] = plan.std;
+    result->value = plan.value;
+    const std::uint64_t sequences = plan.iterations * trajectories_.count();
+    result->simulations = static_cast<std::uint32_t>(sequences);
+    result->nodes = static_cast<std::uint32_t>(sequences * trajectories_.horizon() + 1);
+    result->depth = static_cast<std::uint32_t>(trajectories_.horizon());
+    if (request.tree != nullptr) trajectories_.Report(request.tree);
+    return OkStatus();
+  }
+
+  // Nothing is carried from one decision to the next unless a class says so.
+  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
+  Status Load(ByteSource*) noexcept override { return OkStatus(); }
+  void Destroy() noexcept final { delete this; }
+
+ protected:
+  ShootingPlanner(const PlannerContext& context, std::uint64_t candidates)
+      : sizes_{context.action_size, context.latent_bytes, kShootingMetricCount},
+        trajectories_(candidates, Count(context, "horizon"), context.action_size,
+                      context.latent_bytes),
+        mode_(context.action_size),
+        played_(context.action_size) {}
+  virtual ~ShootingPlanner() = default;
+
+  static std::uint64_t Count(const PlannerContext& context, const char* name) {
+    return static_cast<std::uint64_t>(context.parameters.GetInt(name));
+  }
+
+  // Fills `played`, noise included, and the plan; leaves the last candidates in
+  // trajectories_.
+  virtual Status Search(const PlanRequest& request, View<double> played,
+                        ShootingPlan* plan) noexcept = 0;
+  // An episode begins, or a search failed.
+  virtual void ForgetPlan() noexcept {}
+
+  const PlannerSizes sizes_;
+  LatentModel* model_ = nullptr;
+  Trajectories trajectories_;
+
+ private:
+  std::vector<double> mode_;    // [A]
+  std::vector<double> played_;  // [A]
+};
+
+// The components of planner_shooting.so.
+extern const ComponentDescriptor kRandomShooting;
+extern const ComponentDescriptor kCem;
+extern const ComponentDescriptor kMppi;
+
+}  // namespace dreamsearch

@@ -1,0 +1,105 @@
+#include "trajectories.h"
+
+#include <numeric>
+
+namespace dreamsearch {
+
+Trajectories::Trajectories(std::uint64_t count, std::uint64_t horizon, std::uint64_t action_size,
+                           std::uint64_t latent_bytes)
+    : count_(count),
+      horizon_(horizon),
+      action_size_(action_size),
+      latents_{LatentBuffer(count, latent_bytes), LatentBuffer(count, latent_bytes)},
+      actions_(horizon * count * action_size),
+      rewards_(horizon * count),
+      discounts_(horizon * count),
+      values_(count),
+      returns_(horizon * count),
+      order_(count) {}
+
+double Trajectories::ReturnSpread() const noexcept {
+  double mean = 0;
+  for (const double value : returns()) mean += value / static_cast<double>(count_);
+  double variance = 0;
+  for (const double value : returns()) {
+    variance += (value - mean) * (value - mean) / static_cast<double>(count_);
+  }
+  return std::sqrt(variance);
+}
+
+Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
+                                 std::uint64_t seed) noexcept {
+  Status status = model->ProposeSamples(root, DeriveSeed(seed, 0), actions(0).middle_rows(0, rows));
+  if (!status.ok()) return status;
+  for (std::uint64_t i = 0; i < rows; ++i) latents_[0].Set(i, root);
+  for (std::uint64_t t = 0; t + 1 < horizon_; ++t) {
+    const Latents from = latents_[t % 2].middle_rows(0, rows);
+    const Latents to = latents_[(t + 1) % 2].middle_rows(0, rows);
+    status = model->Imagine({from, actions(t).middle_rows(0, rows), DeriveSeed(seed, 2 * t + 1)},
+                            {to, {rewards_.data(), rows}, {discounts_.data(), rows}});
+    if (!status.ok()) return status;
+    status = model->ProposeSamples(to, DeriveSeed(seed, 2 * t + 2),
+                                   actions(t + 1).middle_rows(0, rows));
+    if (!status.ok()) return status;
+  }
+  for (std::uint64_t t = 0; t < horizon_; ++t) {
+    status = CheckFinite("an action component", {actions(t).data, rows * action_size_});
+    if (!status.ok()) return status;
+  }
+  return OkStatus();
+}
+
+Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstrap,
+                             std::uint64_t seed) noexcept {
+  for (std::uint64_t i = 0; i < count_; ++i) latents_[0].Set(i, root);
+  for (std::uint64_t t = 0; t < horizon_; ++t) {
+    const View<double> rewards{rewards_.data() + t * count_, count_};
+    const View<double> discounts{discounts_.data() + t * count_, count_};
+    Status status = model->Imagine(
+        {latents_[t % 2].middle_rows(0, count_), actions(t), DeriveSeed(seed, t)},
+        {latents_[(t + 1) % 2].middle_rows(0, count_), rewards, discounts});
+    if (!status.ok()) return status;
+  }
+  std::fill(values_.begin(), values_.end(), 0.0);
+  if (bootstrap) {
+    Status status = model->Value(latents_[horizon_ % 2].middle_rows(0, count_),
+                                 {values_.data(), count_});
+    if (!status.ok()) return status;
+  }
+  for (std::uint64_t t = horizon_; t-- > 0;) {
+    for (std::uint64_t i = 0; i < count_; ++i) {
+      const std::uint64_t at = t * count_ + i;
+      const double after = t + 1 < horizon_ ? returns_[at + count_] : values_[i];
+      returns_[at] = rewards_[at] + discounts_[at] * after;
+    }
+  }
+  return CheckFinite("what makes a return of", returns());
+}
+
+View<const std::uint32_t> Trajectories::Best(std::uint64_t count) noexcept {
+  std::iota(order_.begin(), order_.end(), 0u);
+  std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(count),
+                    order_.end(), [this](std::uint32_t a, std::uint32_t b) {
+                      return returns_[a] > returns_[b] || (returns_[a] == returns_[b] && a < b);
+                    });
+  return {order_.data(), count};
+}
+
+void Trajectories::Report(TreeSink* sink) noexcept {
+  for (std::uint64_t t = 0; t < horizon_; ++t) {
+    for (std::uint64_t i = 0; i < count_; ++i) {
+      const std::uint64_t edge = t * count_ + i;
+      sink->Edge({.parent = t == 0 ? -1 : static_cast<std::int64_t>(edge - count_),
+                  .action = actions(t).row(i),
+                  .visits = 1,
+                  .q = returns_[edge],
+                  .prior = t == 0 ? 1.0 / static_cast<double>(count_) : 1,
+                  .reward = rewards_[edge],
+                  .discount = discounts_[edge],
+                  .value = t + 1 == horizon_ ? values_[i] : 0,
+                  .expanded = true});
+    }
+  }
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,64 @@
+// trajectories.h - imagines many action sequences from one latent, all together.
+//
+// Shapes   N sequences of H actions of A components; time is the slowest index, so
+//          that the actions of one transition are a batch [N, A].
+// Return   sum over t of (product of the discounts before t) * r_t and, if asked
+//          for, the discounted value of the last latent.
+// Memory   reserved by the constructor; nothing allocates afterwards.
+#pragma once
+
+#include <vector>
+
+#include "dreamsearch/planning.h"
+
+namespace dreamsearch {
+
+class Trajectories {
+ public:
+  // Throws std::bad_alloc, std::length_error.
+  Trajectories(std::uint64_t count, std::uint64_t horizon, std::uint64_t action_size,
+               std::uint64_t latent_bytes);
+
+  std::uint64_t count() const noexcept { return count_; }      // N
+  std::uint64_t horizon() const noexcept { return horizon_; }  // H
+
+  // The actions of transition t, to be filled before Imagine. [N, A]
+  MatrixView<double> actions(std::uint64_t t) noexcept {
+    return {actions_.data() + t * count_ * action_size_, count_, action_size_};
+  }
+  // [N], after Imagine.
+  View<const double> returns() const noexcept { return {returns_.data(), count_}; }
+  // Standard deviation of the returns.
+  double ReturnSpread() const noexcept;
+
+  // Fills the actions of the first `rows` sequences by following samples of the
+  // actor from `root`.
+  Status FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
+                     std::uint64_t seed) noexcept;
+
+  // Imagines all sequences and computes their returns, with the value of the last
+  // latent in them if `bootstrap`. kNotFinite when a return is not finite.
+  Status Imagine(LatentModel* model, ConstLatents root, bool bootstrap,
+                 std::uint64_t seed) noexcept;
+
+  // The best `count` sequences, best first, the earlier of equals first; after
+  // Imagine, valid until the next call.
+  View<const std::uint32_t> Best(std::uint64_t count) noexcept;
+
+  // Every sequence as a chain of edges; q is the return from that edge on.
+  void Report(TreeSink* sink) noexcept;
+
+ private:
+  const std::uint64_t count_;
+  const std::uint64_t horizon_;
+  const std::uint64_t action_size_;
+  LatentBuffer latents_[2];          // [N], transitions go from one to the other
+  std::vector<double> actions_;      // [H, N, A]
+  std::vector<double> rewards_;      // [H, N]
+  std::vector<double> discounts_;    // [H, N]
+  std::vector<double> values_;       // [N], of the last latents
+  std::vector<double> returns_;      // [H, N]: from transition t on
+  std::vector<std::uint32_t> order_;  // [N]
+};
+
+}  // namespace dreamsearch
