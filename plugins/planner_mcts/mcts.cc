@@ -1,3 +1,5 @@
+// mcts.cc - Monte Carlo tree search over sampled actions (Koul et al. 2020): the
+// components `mcts_pw` and `mcts_fixed`.
 #include "mcts.h"
 
 #include "tree_planner.h"

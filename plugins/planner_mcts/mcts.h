@@ -1,12 +1,13 @@
-// mcts.h - Monte Carlo tree search over sampled actions (Koul et al. 2020): the
-// components `mcts_pw` and `mcts_fixed`. README.md derives it.
+// mcts.h - the components of planner_mcts.so. README.md derives them.
 #pragma once
 
 #include "dreamsearch/plugin.h"
 
 namespace dreamsearch {
 
-extern const ComponentDescriptor kMctsPw;
-extern const ComponentDescriptor kMctsFixed;
+extern const ComponentDescriptor kMctsPw;      // mcts.cc
+extern const ComponentDescriptor kMctsFixed;   // mcts.cc
+extern const ComponentDescriptor kMctsGumbel;  // gumbel.cc
+extern const ComponentDescriptor kHoot;        // hoot.cc
 
 }  // namespace dreamsearch

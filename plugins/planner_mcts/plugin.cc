@@ -4,7 +4,7 @@
 namespace dreamsearch {
 namespace {
 
-const ComponentDescriptor kComponents[] = {kMctsPw, kMctsFixed};
+const ComponentDescriptor kComponents[] = {kMctsPw, kMctsFixed, kMctsGumbel, kHoot};
 
 }  // namespace
 }  // namespace dreamsearch

@@ -461,7 +461,9 @@ TEST_P(Golden, TreeIsAsRecorded) {
   };
   model.value = [](const ScriptedState& state) { return 1 - std::cos(state.x[0]); };
   Settings settings = {{"simulations", 16}};
-  if (std::string(GetParam()) == "mcts_fixed") settings.push_back({"children", 4});
+  const std::string name = GetParam();
+  if (name == "mcts_fixed" || name == "mcts_gumbel") settings.push_back({"children", 4});
+  if (name == "mcts_gumbel") settings.push_back({"root_actions", 4});
   LoadedPlanner planner(GetParam(), &model, settings);
   const Decision decision = planner.Plan(AsLatents(kRoot), {.seed = 7});
   std::ostringstream text;
@@ -485,7 +487,8 @@ TEST_P(Golden, TreeIsAsRecorded) {
       << "DREAMSEARCH_REMAKE_GOLDEN=1 rewrites the file if the change is wanted";
 }
 
-INSTANTIATE_TEST_SUITE_P(Mcts, Golden, testing::Values("mcts_pw", "mcts_fixed"),
+INSTANTIATE_TEST_SUITE_P(Mcts, Golden,
+                         testing::Values("mcts_pw", "mcts_fixed", "mcts_gumbel", "hoot"),
                          [](const auto& test) { return std::string(test.param); });
 
 }  // namespace
