@@ -49,6 +49,30 @@ void CheckFileReferences(const std::string& name, const std::string& mjcf) {
   }
 }
 
+struct VfsDeleter {
+  void operator()(mjVFS* vfs) const {
+    mj_deleteVFS(vfs);
+    delete vfs;
+  }
+};
+using VfsPtr = std::unique_ptr<mjVFS, VfsDeleter>;
+
+void AddFile(mjVFS* vfs, const std::string& file, const std::string& text) {
+  if (text.empty()) throw EngineError("'" + file + "' is empty");
+  if (mj_makeEmptyFileVFS(vfs, file.c_str(), static_cast<int>(text.size())) != 0) {
+    throw EngineError("cannot hold '" + file + "' in memory");
+  }
+  std::memcpy(vfs->filedata[mj_findFileVFS(vfs, file.c_str())], text.data(), text.size());
+}
+
+// All files of models/, for the engine to find by name.
+VfsPtr FilesInMemory() {
+  VfsPtr vfs(new mjVFS);
+  mj_defaultVFS(vfs.get());
+  for (const ModelFile& file : ModelFiles()) AddFile(vfs.get(), file.name, file.text);
+  return vfs;
+}
+
 }  // namespace
 
 void InstallEngineHandlers() {
@@ -70,29 +94,17 @@ ModelPtr CompileModel(const std::string& name, const std::string& mjcf) {
   InstallEngineHandlers();
   CheckFileReferences(name, mjcf);
 
-  struct VfsDeleter {
-    void operator()(mjVFS* vfs) const {
-      mj_deleteVFS(vfs);
-      delete vfs;
-    }
-  };
-  std::unique_ptr<mjVFS, VfsDeleter> vfs(new mjVFS);
-  mj_defaultVFS(vfs.get());
-  const auto add = [&vfs](const std::string& file, const std::string& text) {
-    const int size = static_cast<int>(text.size());
-    if (mj_makeEmptyFileVFS(vfs.get(), file.c_str(), size) != 0) {
-      throw EngineError("cannot hold model file '" + file + "' in memory");
-    }
-    std::memcpy(vfs->filedata[mj_findFileVFS(vfs.get(), file.c_str())], text.data(), text.size());
-  };
-  for (const ModelFile& file : ModelFiles()) add(file.name, file.text);
-  const std::string root = "model:" + name;  // no file of models/ has a colon
-  add(root, mjcf);
-
   char error[1000] = "";
-  ModelPtr model(mj_loadXML(root.c_str(), vfs.get(), error, sizeof error));
-  if (model == nullptr) throw EngineError("model '" + name + "' does not compile: " + error);
-  return model;
+  try {
+    const VfsPtr files = FilesInMemory();
+    const std::string root = "model:" + name;  // no file of models/ has a colon
+    AddFile(files.get(), root, mjcf);
+    ModelPtr model(mj_loadXML(root.c_str(), files.get(), error, sizeof error));
+    if (model != nullptr) return model;
+  } catch (const EngineError& raised) {
+    throw EngineError("model '" + name + "' does not compile: " + raised.what());
+  }
+  throw EngineError("model '" + name + "' does not compile: " + error);
 }
 
 ModelPtr CopyOfCompiled(const std::string& name, const std::string& mjcf) {

@@ -59,24 +59,31 @@ class Quadruped final : public ControlTask {
   }
 
  private:
-  // A random orientation, lifted off the floor until nothing touches.
+  // A random orientation, lifted off the floor until nothing touches. The suite
+  // makes two forward passes at every height; each height starts afresh, so all
+  // but the last are needed for their contacts alone.
   void DrawInitialState(NumpyRandom& random) override {
     double q[4];
     for (double& x : q) x = random.Normal();
     const double norm = QuaternionNorm(q);
     for (double& x : q) x /= norm;
-    double height = 0;
-    for (int lifts = 0; lifts < kMostLifts; ++lifts, height += kLift) {
-      mj_resetData(model(), data());
-      ForwardWithoutActuation();
-      const mjtNum position[3] = {0, 0, height};
+    mjtNum position[3] = {0, 0, 0};
+    const auto place = [&] {
       mju_copy3(data()->qpos, position);
       mju_copy4(data()->qpos + 3, q);
-      ForwardWithoutActuation();
-      ClearWarnings();  // those of poses inside the floor are nobody's concern
-      if (data()->ncon == 0) return;
+    };
+    for (int lifts = 0;; ++lifts, position[2] += kLift) {
+      if (lifts == kMostLifts) throw EngineError("no pose without contacts in 10000 lifts");
+      place();
+      mj_kinematics(model(), data());
+      mj_collision(model(), data());
+      if (data()->ncon == 0) break;
     }
-    throw EngineError("no pose without contacts in 10000 lifts");
+    mj_resetData(model(), data());
+    ForwardWithoutActuation();
+    place();
+    ForwardWithoutActuation();
+    ClearWarnings();  // those of the search are nobody's concern
   }
 
   int torso_;
