@@ -34,12 +34,12 @@ inline constexpr ParameterSpec kRunParameters[] = {
                  "Environment steps for which one update is made, at each episode's end.")
         .Preset("fast", 10)
         .Preset("paper", 10),
-    IntParameter("batch_size", 50, 1, 4096, "sequences", "Sequences in a training batch.")
-        .Preset("fast", 50)
+    IntParameter("batch_size", 16, 1, 4096, "sequences", "Sequences in a training batch.")
+        .Preset("fast", 16)
         .Preset("paper", 50),
-    IntParameter("sequence_length", 50, 2, 1000, "decisions",
+    IntParameter("sequence_length", 32, 2, 1000, "decisions",
                  "Decisions in a training sequence, all of one episode.")
-        .Preset("fast", 50)
+        .Preset("fast", 32)
         .Preset("paper", 50),
     IntParameter("eval_episodes", 5, 1, 1000, "episodes",
                  "Episodes of an evaluation, with the same initial states every time.")

@@ -1,0 +1,111 @@
+#include "host/checkpoint.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+
+#include "dreamsearch/random.h"
+#include "host/error.h"
+
+namespace dreamsearch {
+namespace {
+
+class CheckpointTest : public testing::Test {
+ protected:
+  CheckpointTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "checkpoint_XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~CheckpointTest() override { std::filesystem::remove_all(folder_); }
+
+  static std::string Read(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  }
+  static void Write(const std::filesystem::path& path, const std::string& bytes) {
+    std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+  }
+
+  std::filesystem::path folder_;
+  const CheckpointSections sections_ = {
+      {"model", std::string(300, 'm')}, {"position", std::string("a\0b", 3)}, {"empty", ""}};
+};
+
+TEST_F(CheckpointTest, ReadsBackWhatWasWritten) {
+  WriteCheckpointFile(folder_ / "x", sections_);
+  EXPECT_EQ(ReadCheckpointFile(folder_ / "x"), sections_);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "x.tmp"));
+}
+
+TEST_F(CheckpointTest, AnyFlippedByteIsFound) {
+  WriteCheckpointFile(folder_ / "x", sections_);
+  const std::string good = Read(folder_ / "x");
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    std::string bad = good;
+    bad[i] = static_cast<char>(bad[i] ^ (1 << (i % 8)));
+    Write(folder_ / "bad", bad);
+    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError) << "byte " << i;
+  }
+}
+
+TEST_F(CheckpointTest, AnyCutIsFound) {
+  WriteCheckpointFile(folder_ / "x", sections_);
+  const std::string good = Read(folder_ / "x");
+  for (std::size_t size = 0; size < good.size(); ++size) {
+    Write(folder_ / "bad", good.substr(0, size));
+    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError) << "cut at " << size;
+  }
+  Write(folder_ / "bad", good + "x");
+  EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError);
+}
+
+TEST_F(CheckpointTest, KeepsTheLastTwoAndLoadsTheNewest) {
+  CheckpointFolder checkpoints(folder_);
+  EXPECT_FALSE(checkpoints.LoadNewest());
+  for (const std::uint64_t step : {1000, 2000, 10000}) {
+    checkpoints.Write(step, {{"step", std::to_string(step)}});
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "checkpoint-1000.ckpt"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "checkpoint-2000.ckpt"));
+  EXPECT_EQ(checkpoints.LoadNewest()->sections.at("step"), "10000");
+}
+
+TEST_F(CheckpointTest, FallsBackToTheOneBeforeADamagedOne) {
+  CheckpointFolder checkpoints(folder_);
+  checkpoints.Write(1000, {{"step", "1000"}});
+  checkpoints.Write(2000, {{"step", "2000"}});
+  Write(folder_ / "checkpoint-2000.ckpt", Read(folder_ / "checkpoint-2000.ckpt").substr(0, 30));
+  const auto loaded = checkpoints.LoadNewest();
+  EXPECT_EQ(loaded->sections.at("step"), "1000");
+  ASSERT_EQ(loaded->skipped.size(), 1u);
+  EXPECT_NE(loaded->skipped[0].find("checkpoint-2000.ckpt"), std::string::npos);
+  Write(folder_ / "checkpoint-1000.ckpt", "");
+  EXPECT_THROW(checkpoints.LoadNewest(), RunnerError);
+}
+
+TEST_F(CheckpointTest, SaysWhereItCannotWrite) {
+  try {
+    WriteCheckpointFile(folder_ / "absent" / "x", sections_);
+    FAIL();
+  } catch (const RunnerError& error) {
+    EXPECT_EQ(error.code(), ExitCode::kCannotCreate);
+    EXPECT_NE(std::string(error.what()).find("absent/x"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(CheckpointTest, AFullDiskIsAnInputOutputError) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  std::filesystem::create_symlink("/dev/full", folder_ / "x.tmp");
+  try {
+    WriteCheckpointFile(folder_ / "x", sections_);
+    FAIL();
+  } catch (const RunnerError& error) {
+    EXPECT_EQ(error.code(), ExitCode::kInputOutput) << error.what();
+    EXPECT_NE(std::string(error.what()).find("bytes free"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace dreamsearch

@@ -1,0 +1,126 @@
+#include "host/replay.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <vector>
+
+#include "host/error.h"
+
+namespace dreamsearch {
+namespace {
+
+// Observation (episode, row), action (row), reward row: every number tells where
+// it came from.
+void AddEpisode(Replay* replay, int episode, int decisions) {
+  std::vector<double> observation = {double(episode), 0};
+  replay->BeginEpisode({observation.data(), 2});
+  for (int i = 1; i <= decisions; ++i) {
+    observation[1] = i;
+    const double action = i;
+    replay->Add({&action, 1}, i, i == decisions ? 0 : 1, {observation.data(), 2});
+  }
+  replay->EndEpisode();
+}
+
+TEST(Replay, SequencesLieInsideOneEpisodeAndKeepTheirOrder) {
+  Replay replay(2, 1, 1000);
+  AddEpisode(&replay, 0, 20);
+  AddEpisode(&replay, 1, 7);
+  AddEpisode(&replay, 2, 30);
+  std::set<float> episodes;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    const SequenceBatch batch = replay.Sample(8, 8, seed);
+    ASSERT_EQ(batch.observations.rows, 64u);
+    for (std::uint64_t b = 0; b < 8; ++b) {
+      const float episode = batch.observations(b * 8, 0);
+      episodes.insert(episode);
+      for (std::uint64_t t = 0; t < 8; ++t) {
+        const std::uint64_t row = b * 8 + t;
+        EXPECT_EQ(batch.observations(row, 0), episode);
+        const float i = batch.observations(row, 1);
+        EXPECT_EQ(i, batch.observations(b * 8, 1) + static_cast<float>(t));
+        // The action and reward that led to this observation.
+        EXPECT_EQ(batch.actions(row, 0), i);
+        EXPECT_EQ(batch.rewards[row], i);
+        EXPECT_EQ(batch.is_first[row], i == 0 ? 1 : 0);
+      }
+    }
+  }
+  EXPECT_EQ(episodes, (std::set<float>{0, 1, 2}));
+}
+
+TEST(Replay, DrawsEveryStartOfAnEpisodeTheLastOneIncluded) {
+  Replay replay(2, 1, 100);
+  AddEpisode(&replay, 0, 5);  // 6 rows: starts 0, 1, 2 for length 4
+  std::set<float> starts;
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    starts.insert(replay.Sample(1, 4, seed).observations(0, 1));
+  }
+  EXPECT_EQ(starts, (std::set<float>{0, 1, 2}));
+}
+
+TEST(Replay, UnfinishedEpisodesAreNotDrawn) {
+  Replay replay(2, 1, 100);
+  AddEpisode(&replay, 0, 10);
+  const double observation[2] = {1, 0}, action = 0;
+  replay.BeginEpisode({observation, 2});
+  for (int i = 0; i < 20; ++i) replay.Add({&action, 1}, 0, 1, {observation, 2});
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    EXPECT_EQ(replay.Sample(1, 5, seed).observations(0, 0), 0);
+  }
+}
+
+TEST(Replay, EqualSeedsDrawEqualBatches) {
+  Replay replay(2, 1, 100);
+  AddEpisode(&replay, 0, 40);
+  const SequenceBatch batch = replay.Sample(4, 6, 11);
+  const std::vector<float> first(batch.rewards.begin(), batch.rewards.end());
+  replay.Sample(4, 6, 12);
+  const SequenceBatch again = replay.Sample(4, 6, 11);
+  EXPECT_EQ(first, std::vector<float>(again.rewards.begin(), again.rewards.end()));
+}
+
+TEST(Replay, OldestEpisodesMakeRoom) {
+  Replay replay(2, 1, 100);
+  for (int episode = 0; episode < 40; ++episode) AddEpisode(&replay, episode, 10);
+  EXPECT_LE(replay.rows(), 100u);
+  std::set<float> episodes;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    episodes.insert(replay.Sample(1, 5, seed).observations(0, 0));
+  }
+  EXPECT_EQ(*episodes.rbegin(), 39);
+  EXPECT_GE(*episodes.begin(), 30);
+}
+
+TEST(Replay, SaveAndLoadKeepsEveryRow) {
+  Replay replay(2, 1, 100), copy(2, 1, 100);
+  AddEpisode(&replay, 0, 9);
+  AddEpisode(&replay, 1, 12);
+  const double observation[2] = {2, 0};
+  replay.BeginEpisode({observation, 2});
+  copy.Load(replay.Save());
+  EXPECT_EQ(copy.rows(), replay.rows());
+  EXPECT_EQ(copy.finished_rows(), replay.finished_rows());
+  EXPECT_EQ(copy.Save(), replay.Save());
+  // The episode under way goes on in the copy.
+  const double action = 0;
+  copy.Add({&action, 1}, 0, 1, {observation, 2});
+  copy.EndEpisode();
+}
+
+TEST(Replay, SaysWhatDoesNotFit) {
+  Replay replay(2, 1, 100), other(3, 1, 100);
+  AddEpisode(&replay, 0, 9);
+  EXPECT_THROW(other.Load(replay.Save()), RunnerError);
+  EXPECT_THROW(replay.Load(replay.Save().substr(0, 40)), RunnerError);
+  try {
+    replay.Sample(1, 50, 0);
+    FAIL();
+  } catch (const RunnerError& error) {
+    EXPECT_NE(std::string(error.what()).find("longest: 10"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace dreamsearch
