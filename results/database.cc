@@ -204,13 +204,26 @@ Database::Database(const std::string& path, OpenMode mode) {
                                      (mode == OpenMode::kReadOnly ? "read" : "written") +
                                      " by this user.");
   }
-  if (mode != OpenMode::kReadOnly &&
-      access(std::filesystem::path(absolute).parent_path().c_str(), W_OK) != 0) {
+  const bool folder_writable =
+      access(std::filesystem::path(absolute).parent_path().c_str(), W_OK) == 0;
+  if (mode != OpenMode::kReadOnly && !folder_writable) {
     throw Error(kExitPermission,
                 std::filesystem::path(absolute).parent_path().string() +
                     ": may not be written by this user; the database needs its journal there.");
   }
-  connection_ = std::make_unique<Connection>(absolute, mode);
+  // A reader in WAL mode needs files of its own beside the database, and only one
+  // that may write takes them away again at its end. query_only keeps it from
+  // changing anything else.
+  OpenMode opened = mode;
+  if (mode == OpenMode::kReadOnly) {
+    if (folder_writable && access(absolute.c_str(), W_OK) == 0) {
+      opened = OpenMode::kReadWrite;
+    } else if (access((absolute + "-wal").c_str(), F_OK) != 0) {
+      opened = OpenMode::kImmutable;
+    }
+  }
+  connection_ = std::make_unique<Connection>(absolute, opened);
+  if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
   Prepare(mode);
 }
 

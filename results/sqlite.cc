@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 
 #include "results/error.h"
@@ -21,6 +22,16 @@ std::string FreeSpace(const std::string& path) {
   if (statvfs(folder.c_str(), &info) != 0) return "free space unknown";
   return std::to_string(static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize) +
          " bytes free there";
+}
+
+std::string ImmutableUri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : path) {
+    char escaped[4];
+    std::snprintf(escaped, sizeof escaped, "%%%02x", static_cast<unsigned char>(c));
+    uri += c == '/' ? "/" : escaped;
+  }
+  return uri + "?immutable=1";
 }
 
 [[noreturn]] void ThrowCode(int code, const std::string& reason, const std::string& path,
@@ -149,10 +160,12 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
   switch (mode) {
     case OpenMode::kReadOnly: flags |= SQLITE_OPEN_READONLY; break;
+    case OpenMode::kImmutable: flags |= SQLITE_OPEN_READONLY | SQLITE_OPEN_URI; break;
     case OpenMode::kReadWrite: flags |= SQLITE_OPEN_READWRITE; break;
     case OpenMode::kCreate: flags |= SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE; break;
   }
-  const int code = sqlite3_open_v2(path_.c_str(), &handle_, flags, nullptr);
+  const std::string name = mode == OpenMode::kImmutable ? ImmutableUri(path_) : path_;
+  const int code = sqlite3_open_v2(name.c_str(), &handle_, flags, nullptr);
   if (code != SQLITE_OK) {
     const std::string reason = handle_ != nullptr ? sqlite3_errmsg(handle_) : "out of memory";
     sqlite3_close_v2(handle_);

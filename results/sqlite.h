@@ -85,7 +85,9 @@ class Statement {
   const std::string* path_ = nullptr;
 };
 
-enum class OpenMode { kReadOnly, kReadWrite, kCreate };
+// kImmutable: of a file that nobody can change, in a folder where SQLite cannot
+// put its own files.
+enum class OpenMode { kReadOnly, kImmutable, kReadWrite, kCreate };
 
 class Connection {
  public:

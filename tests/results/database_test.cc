@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <regex>
@@ -85,6 +87,43 @@ TEST(Database, OpeningItAgainFindsWhatWasThere) {
   const auto reader = Database::OpenReadOnly(folder / "r.db");
   EXPECT_EQ(reader->GetRun(run)->task, "walker_walk");
   EXPECT_NE(ExitCodeOf([&] { reader->Study("new"); }), 0);
+}
+
+TEST(Database, AReaderLeavesNoFilesBehind) {
+  const TemporaryFolder folder;
+  MakeRun(Database::OpenOrCreate(folder / "r.db").get());
+  EXPECT_EQ(Database::OpenReadOnly(folder / "r.db")->ListRuns().size(), 1u);
+  EXPECT_FALSE(std::filesystem::exists(folder / "r.db-wal"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "r.db-shm"));
+}
+
+// Root ignores file modes, so the check drops to another user.
+TEST(Database, AReadOnlyFolderCanBeReadAndNotWritten) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root to become another user";
+  const TemporaryFolder folder;
+  MakeRun(Database::OpenOrCreate(folder / "r?%41.db").get());
+  std::filesystem::permissions(folder.path(), std::filesystem::perms(0555));
+  std::filesystem::permissions(folder / "r?%41.db", std::filesystem::perms(0444));
+  const pid_t child = fork();
+  if (child == 0) {
+    if (setgid(65534) != 0 || setuid(65534) != 0) _exit(100);
+    int failures = 0;
+    try {
+      failures += Database::OpenReadOnly(folder / "r?%41.db")->ListRuns().size() != 1;
+    } catch (const Error& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+      failures += 2;
+    }
+    failures +=
+        4 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "r?%41.db"); }) != kExitPermission);
+    failures += 8 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "new.db"); }) !=
+                     kExitPermission);
+    _exit(failures);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+  std::filesystem::permissions(folder.path(), std::filesystem::perms(0755));
 }
 
 TEST(Database, AFileThatIsNotOursIsRefusedAndUntouched) {

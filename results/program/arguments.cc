@@ -1,0 +1,196 @@
+#include "results/program/arguments.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <iostream>
+#include <set>
+#include <sstream>
+
+namespace dreamsearch::results {
+namespace {
+
+namespace po = boost::program_options;
+
+std::size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0u : 1u)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+std::string FormOfPath(const std::string& path) {
+  const std::string suffix = std::filesystem::path(path).extension().string();
+  return suffix == ".txt"    ? "text"
+         : suffix == ".md"   ? "markdown"
+         : suffix == ".csv"  ? "csv"
+         : suffix == ".json" ? "json"
+                             : "";
+}
+
+void CheckNames(const std::vector<std::unique_ptr<Database>>& databases, const char* what,
+                const char* sql, const std::vector<std::string>& names) {
+  if (names.empty()) return;
+  std::set<std::string> known;
+  for (const auto& database : databases) {
+    Statement rows = database->connection().Prepare(sql);
+    while (rows.Step()) known.insert(rows.Text(0));
+  }
+  for (const std::string& name : names) {
+    if (known.count(name) > 0) continue;
+    throw Error(kExitUsage, std::string("no ") + what + " '" + Printable(name) + "' in " +
+                                databases.front()->path() +
+                                (databases.size() > 1 ? " and the others" : "") + "." +
+                                KnownNames(name, {known.begin(), known.end()}));
+  }
+}
+
+}  // namespace
+
+std::string KnownNames(const std::string& name, const std::vector<std::string>& known) {
+  if (known.empty()) return " There are none.";
+  std::string text = " Known: ";
+  const std::string* nearest = nullptr;
+  std::size_t least = std::max<std::size_t>(2, name.size() / 3) + 1;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    text += (i > 0 ? ", " : "") + Printable(known[i]);
+    const std::size_t distance = EditDistance(name.substr(0, 100), known[i].substr(0, 100));
+    if (distance < least) {
+      least = distance;
+      nearest = &known[i];
+    }
+  }
+  text += ".";
+  if (nearest != nullptr) text += " Did you mean '" + Printable(*nearest) + "'?";
+  return text;
+}
+
+std::int64_t ParseNumber(const std::string& text, const std::string& what, std::int64_t least) {
+  std::int64_t value = 0;
+  const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (end.ec != std::errc() || end.ptr != text.data() + text.size() || value < least) {
+    throw Error(kExitUsage, what + ": expected a whole number of at least " +
+                                std::to_string(least) + ", found '" + Printable(text) + "'");
+  }
+  return value;
+}
+
+Arguments::Arguments(const std::string& name, const std::string& usage, const std::string& summary)
+    : name_(name), usage_(usage), summary_(summary), options_("Options", 100, 60) {
+  options_.add_options()("help,h", "print this help");
+}
+
+void Arguments::AddDatabase() {
+  Add()("db", po::value<std::vector<std::string>>()->value_name("FILE"),
+        "results database; several times, or a comma list, where that makes sense "
+        "(default: results/dreamsearch.db)");
+}
+
+void Arguments::AddFilter() {
+  const auto list = [] { return po::value<std::vector<std::string>>()->value_name("LIST"); };
+  Add()("study", list(), "only these studies")("env", list(), "only these tasks")(
+      "planner", list(), "only these planners")("seed", list(), "only these seeds");
+}
+
+void Arguments::AddPositional(const std::string& name, bool many) {
+  hidden_.add_options()(name.c_str(), po::value<std::vector<std::string>>());
+  positional_.add(name.c_str(), many ? -1 : 1);
+}
+
+bool Arguments::Parse(const std::vector<std::string>& arguments) {
+  po::options_description all;
+  all.add(options_).add(hidden_);
+  namespace style = po::command_line_style;
+  try {
+    po::store(po::command_line_parser(arguments)
+                  .options(all)
+                  .positional(positional_)
+                  .style(style::unix_style & ~style::allow_guessing)
+                  .run(),
+              values_);
+    po::notify(values_);
+  } catch (const po::error& error) {
+    throw Error(kExitUsage, std::string(error.what()) + ". See `results " + name_ + " --help`.");
+  }
+  if (!Has("help")) return true;
+  std::cout << "results " << name_ << (usage_.empty() ? "" : " ") << usage_ << "\n\n"
+            << summary_ << "\n\n"
+            << options_;
+  return false;
+}
+
+std::vector<std::string> Arguments::List(const std::string& name) const {
+  std::vector<std::string> items;
+  if (!Has(name)) return items;
+  for (const std::string& text : Get<std::vector<std::string>>(name)) {
+    std::istringstream parts(text);
+    std::string part;
+    while (std::getline(parts, part, ',')) {
+      if (!part.empty()) items.push_back(part);
+    }
+  }
+  return items;
+}
+
+Selection Arguments::GetSelection() const {
+  Selection selection;
+  if (Has("db")) {
+    // A file whose name has a comma is taken as it is.
+    selection.databases.clear();
+    for (const std::string& text : Get<std::vector<std::string>>("db")) {
+      if (std::filesystem::exists(text)) {
+        selection.databases.push_back(text);
+        continue;
+      }
+      std::istringstream parts(text);
+      std::string part;
+      while (std::getline(parts, part, ',')) selection.databases.push_back(part);
+    }
+  }
+  if (selection.databases.empty()) {
+    throw Error(kExitUsage, "--db: expected the name of a database, found nothing");
+  }
+  selection.filter.studies = List("study");
+  selection.filter.tasks = List("env");
+  selection.filter.planners = List("planner");
+  for (const std::string& seed : List("seed")) {
+    selection.filter.seeds.push_back(ParseNumber(seed, "--seed", 0));
+  }
+  return selection;
+}
+
+std::vector<std::unique_ptr<Database>> OpenSelected(const Selection& selection) {
+  std::vector<std::unique_ptr<Database>> databases;
+  for (const std::string& path : selection.databases) {
+    databases.push_back(Database::OpenReadOnly(path));
+  }
+  CheckNames(databases, "study", "SELECT name FROM study", selection.filter.studies);
+  CheckNames(databases, "task", "SELECT name FROM task", selection.filter.tasks);
+  CheckNames(databases, "planner", "SELECT DISTINCT planner FROM run", selection.filter.planners);
+  return databases;
+}
+
+bool IsTablePath(const std::string& path) { return !FormOfPath(path).empty(); }
+
+void PrintTable(const Table& table, const std::string& form, const std::string& out) {
+  if (out.empty()) {
+    std::cout << table.Print(ParseTableForm(form)) << std::flush;
+    return;
+  }
+  if (!IsTablePath(out)) {
+    throw Error(kExitUsage, AbsolutePath(out) + ": expected a table's suffix, one of .txt, .md, " +
+                                ".csv, .json");
+  }
+  WriteFile(out, table.Print(ParseTableForm(FormOfPath(out))));
+  std::cerr << "wrote " << AbsolutePath(out) << "\n";
+}
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,85 @@
+// results - reads, compares, draws, merges and checks results databases.
+#include <exception>
+#include <iostream>
+#include <new>
+
+#include "results/error.h"
+#include "results/program/arguments.h"
+#include "results/program/commands.h"
+
+namespace dreamsearch::results {
+namespace {
+
+struct Command {
+  const char* name;
+  const char* summary;
+  int (*run)(const Words&);
+};
+
+constexpr Command kCommands[] = {
+    {"list", "runs, one line each", ListCommand},
+    {"show", "all there is to know about one run", ShowCommand},
+    {"curves", "learning curves as a picture (SVG, PNG, PDF) or table", CurvesCommand},
+    {"compare", "statistics over tasks and seeds, with intervals", nullptr},
+    {"report", "one HTML page with every figure and table", nullptr},
+    {"export", "CSV, JSON lines and the formats of published scores", nullptr},
+    {"import", "published scores, to be drawn beside ours", nullptr},
+    {"merge", "runs of several databases into one", nullptr},
+    {"verify", "checks every stored row against its digest", nullptr},
+    {"delete", "deletes runs and all they recorded", nullptr},
+    {"sql", "runs a query and prints a table", nullptr},
+};
+
+void PrintHelp() {
+  std::cout << "results - reads the results database that `runner` writes\n\n"
+               "usage: results COMMAND [options]      results COMMAND --help\n\n";
+  for (const Command& command : kCommands) {
+    std::cout << "  " << command.name << std::string(10 - std::string(command.name).size(), ' ')
+              << command.summary << "\n";
+  }
+  std::cout << "\nAll take --db FILE (default: results/dreamsearch.db).\n";
+}
+
+int Dispatch(const Words& words) {
+  if (words.empty() || words[0] == "--help" || words[0] == "-h" || words[0] == "help") {
+    PrintHelp();
+    return words.empty() ? kExitUsage : kExitOk;
+  }
+  if (words[0] == "--version") {
+    std::cout << "results " << DREAMSEARCH_PROJECT_VERSION << "\n";
+    return kExitOk;
+  }
+  std::vector<std::string> known;
+  for (const Command& command : kCommands) {
+    if (words[0] == command.name) {
+      if (command.run == nullptr) {
+        throw Error(kExitInternal, "`results " + words[0] + "` is not part of this version yet");
+      }
+      return command.run({words.begin() + 1, words.end()});
+    }
+    known.emplace_back(command.name);
+  }
+  throw Error(kExitUsage, "no command '" + Printable(words[0]) + "'." + KnownNames(words[0], known));
+}
+
+}  // namespace
+}  // namespace dreamsearch::results
+
+int main(int argc, char** argv) {
+  using dreamsearch::results::Error;
+  try {
+    const int code = dreamsearch::results::Dispatch({argv + std::min(argc, 1), argv + argc});
+    std::cout.flush();
+    if (!std::cout) {
+      std::cerr << "results: standard output could not be written\n";
+      return dreamsearch::results::kExitInputOutput;
+    }
+    return code;
+  } catch (const Error& error) {
+    std::cerr << "results: " << error.what() << "\n";
+    return error.exit_code();
+  } catch (const std::exception& error) {
+    std::cerr << "results: internal error: " << error.what() << "\n";
+    return dreamsearch::results::kExitInternal;
+  }
+}
