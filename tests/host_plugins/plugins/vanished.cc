@@ -1,0 +1,3 @@
+// The library missing_dependency.so needs.
+int FromAnotherLibrary();
+int FromAnotherLibrary() { return 1; }
