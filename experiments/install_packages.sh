@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that are missing here: those for building and
+# running, and with --tests also those that only the tests need. Does nothing, and
+# needs no rights, when all are there.
+set -euo pipefail
+
+packages=(
+  g++ cmake ninja-build git
+  libeigen3-dev libmujoco-dev libdnnl-dev
+  libboost-dev libboost-program-options-dev
+  libsqlite3-dev libssl-dev nlohmann-json3-dev
+  sqlite3 gnuplot-nox librsvg2-bin
+)
+if [[ "${1:-}" == --tests ]]; then
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev)
+elif [[ $# -gt 0 ]]; then
+  echo "usage: $0 [--tests]" >&2
+  exit 2
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
+  [[ "$status" == installed ]] || missing+=("$package")
+done
+[[ ${#missing[@]} -eq 0 ]] && exit 0
+
+echo "installing ${missing[*]}"
+as_root=()
+if [[ $(id -u) -ne 0 ]]; then
+  if ! command -v sudo >/dev/null; then
+    echo "error: packages are missing and there is no sudo; as root, run:" >&2
+    echo "  apt-get install ${missing[*]}" >&2
+    exit 77
+  fi
+  as_root=(sudo)
+fi
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
