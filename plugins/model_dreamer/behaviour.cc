@@ -61,6 +61,23 @@ Behaviour<T>::Behaviour(const Settings& settings, Index action_size)
 }
 
 template <typename T>
+void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, bool rounded) {
+  actor_group_.Allocate(actor_seed, rounded);
+  value_group_.Allocate(value_seed, rounded);
+  if (rounded) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
+  ResetSlow();
+}
+
+template <typename T>
+void Behaviour<T>::Round() {
+  actor_group_.Round();
+  value_group_.Round();
+  if constexpr (std::is_same_v<T, float>) {
+    if (slow_rounded_ != nullptr) slow_rounded_->Pack(slow_.data());
+  }
+}
+
+template <typename T>
 void Behaviour<T>::ResetSlow() {
   slow_.assign(value_group_.values(), value_group_.values() + value_group_.size());
 }
@@ -98,8 +115,9 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
   const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
   const Mat<const T> latent_noise = input.latent_noise.Cols(first * horizon, n);
   const Mat<const T> action_noise = input.action_noise.Cols(first * horizon, n);
-  const T* actor = actor_group_.values();
-  const T* value = value_group_.values();
+  const Weights<T> actor = actor_group_.training();
+  const Weights<T> value = value_group_.training();
+  const Weights<T> model = world->group().training();
 
   // Forward.
   const Mat<T> states = states_.Shape(settings_.state_size(), n + m);
@@ -120,16 +138,16 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
     actor_.Forward(actor, seen, at, &actor_tape_, raw.Cols(at, m));
     ActorForward<T>(raw.Cols(at, m), action_noise.Cols(at, m), shape_, squashed.Cols(at, m),
                     std.Cols(at, m), actions.Cols(at, m), entropy.Cols(at, m));
-    world->Step(now, actions.Cols(at, m), latent_noise.Cols(at, m), at, &transitions_,
+    world->Step(model, now, actions.Cols(at, m), latent_noise.Cols(at, m), at, &transitions_,
                 states.Cols(at + m, m));
   }
   const Mat<T> arrived = states.Cols(m, n);
   const Mat<T> rewards = rewards_.Shape(1, n);
-  world->Reward(arrived, &reward_tape_, rewards);
+  world->Reward(model, arrived, &reward_tape_, rewards);
   const Mat<T> discounts = discounts_.Shape(1, n);
   if (settings_.continuation) {
     const Mat<T> logits = logits_.Shape(1, n);
-    world->Continuation(arrived, &continuation_tape_, logits);
+    world->Continuation(model, arrived, &continuation_tape_, logits);
     Sigmoid<T>(logits, discounts);
   } else {
     std::fill(discounts.data, discounts.data + n, static_cast<T>(settings_.discount));
@@ -182,18 +200,19 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
   const Mat<T> d_states = d_states_.Shape(settings_.state_size(), n + m);
   SetZero(d_states);
   const Mat<T> d_arrived = d_states.Cols(m, n);
-  world->RewardBackward(arrived, reward_tape_, d_rewards, &scratch_, d_arrived);
+  world->RewardBackward(model, arrived, reward_tape_, d_rewards, &scratch_, d_arrived);
   if (settings_.continuation) {
     for (Index j = 0; j < n; ++j) d_discounts(0, j) *= discounts(0, j) * (T(1) - discounts(0, j));
-    world->ContinuationBackward(arrived, continuation_tape_, d_discounts, &scratch_, d_arrived);
+    world->ContinuationBackward(model, arrived, continuation_tape_, d_discounts, &scratch_,
+                                d_arrived);
   }
   value_.Backward(value, In<T>(arrived), m, value_tape_, In<T>(d_values.Cols(m, n)), &scratch_,
                   static_cast<T*>(nullptr), d_arrived);
   const Mat<T> d_actions = d_actions_.Shape(a_, n);
   for (Index tau = horizon; tau-- > 0;) {
     const Index at = tau * m;
-    world->StepBackward(states.Cols(at, m), states.Cols(at + m, m), latent_noise.Cols(at, m), at,
-                        transitions_, d_states.Cols(at + m, m),
+    world->StepBackward(model, states.Cols(at, m), states.Cols(at + m, m), latent_noise.Cols(at, m),
+                        at, transitions_, d_states.Cols(at + m, m),
                         tau > 0 ? d_states.Cols(at, m) : Mat<T>(), d_actions.Cols(at, m));
   }
   const Mat<T> d_raw = d_raw_.Shape(2 * a_, n);
@@ -207,7 +226,8 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
   const Mat<T> slow = slow_outputs_.Shape(1, n);
   if (slow_weight > 0) {
     value_.Reserve(n, &slow_tape_);
-    value_.Forward(slow_.data(), In<T>(left), 0, &slow_tape_, slow);
+    value_.Forward(Weights<T>{slow_.data(), slow_rounded_.get()}, In<T>(left), 0, &slow_tape_,
+                   slow);
   }
   for (Index j = 0; j < n; ++j) {
     const T error = outputs(0, j) - targets[j] / scale;
@@ -232,7 +252,7 @@ DreamStops<T> Behaviour<T>::Stops() const {
 template <typename T>
 void Behaviour<T>::Value(In<T> states, Mat<T> values) {
   value_.Reserve(states.cols, &value_tape_);
-  value_.Forward(value_group_.values(), states, 0, &value_tape_, values);
+  value_.Forward(value_group_.exact(), states, 0, &value_tape_, values);
   const T scale = static_cast<T>(settings_.value_scale);
   for (Index j = 0; j < states.cols; ++j) values(0, j) *= scale;
 }
@@ -242,7 +262,7 @@ void Behaviour<T>::Act(In<T> states, In<T> noise, Mat<T> actions) {
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.values(), states, 0, &actor_tape_, raw);
+  actor_.Forward(actor_group_.exact(), states, 0, &actor_tape_, raw);
   ActorForward<T>(raw, noise, shape_, squashed_.Shape(a_, n), std_.Shape(a_, n), actions, Mat<T>());
 }
 
@@ -251,7 +271,7 @@ void Behaviour<T>::Sample(In<T> states, Index count, In<T> noise, Mat<T> actions
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.values(), states, 0, &actor_tape_, raw);
+  actor_.Forward(actor_group_.exact(), states, 0, &actor_tape_, raw);
   const Mat<T> repeated = d_raw_.Shape(2 * a_, n * count);
   for (Index i = 0; i < n; ++i) {
     for (Index k = 0; k < count; ++k) Copy<T>(raw.Cols(i, 1), repeated.Cols(i * count + k, 1));

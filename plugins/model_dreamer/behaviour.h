@@ -14,6 +14,7 @@
 // the frozen world model and critic. v(s) leaves out the reward for arriving at s.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "plugins/model_dreamer/layers.h"
@@ -83,6 +84,11 @@ class Behaviour {
   void ResetSlow();
   void UpdateSlow();
 
+  // Makes both groups' parameters; see ParameterGroup::Allocate.
+  void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, bool rounded);
+  // Remakes the rounded weights, the slow critic's too.
+  void Round();
+
   // Adds the gradients of both losses to the groups'.
   void Dream(const DreamInput<T>& input, WorldModel<T>* world, DreamLosses* losses);
   // V_tau of the last Dream, [K * H], in blocks as the noise.
@@ -109,6 +115,7 @@ class Behaviour {
   ParameterGroup<T> value_group_{"value"};
   Mlp actor_, value_;
   std::vector<T> slow_;
+  std::unique_ptr<Bfloat16Weights> slow_rounded_;
   std::vector<T> returns_;
   Index block_first_ = 0, block_size_ = 0;  // decisions of the last block
 

@@ -125,16 +125,17 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
     if (settings.imagined_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
+    const Weights<float> exact = learner_.world().group().exact();
     learner_.world().Reserve(n, &transitions_);
-    learner_.world().Step(StatesOf(request.latents), actions, noise, 0, &transitions_, next);
+    learner_.world().Step(exact, StatesOf(request.latents), actions, noise, 0, &transitions_, next);
     const Mat<float> outputs = outputs_.Shape(1, n);
-    learner_.world().Reward(next, &head_tape_, outputs);
+    learner_.world().Reward(exact, next, &head_tape_, outputs);
     for (std::uint64_t i = 0; i < rows; ++i) {
       result.rewards[i] = static_cast<double>(outputs.data[i]);
       result.discounts[i] = settings.discount;
     }
     if (settings.continuation) {
-      learner_.world().Continuation(next, &continuation_tape_, outputs);
+      learner_.world().Continuation(exact, next, &continuation_tape_, outputs);
       for (std::uint64_t i = 0; i < rows; ++i) {
         result.discounts[i] = 1 / (1 + std::exp(-static_cast<double>(outputs.data[i])));
       }
@@ -226,7 +227,8 @@ Status Dreamer::Observe(const ObserveRequest& request, Latents latents) noexcept
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
     if (settings.acting_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
-    learner_.world().Observe(StatesOf(request.previous), actions, observations, noise, next);
+    learner_.world().Observe(learner_.world().group().exact(), StatesOf(request.previous), actions,
+                             observations, noise, next);
     return WriteLatents("Observe", next, latents);
   });
 }

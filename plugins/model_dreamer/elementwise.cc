@@ -4,11 +4,20 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
+
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
 
 namespace dreamsearch::dreamer {
 namespace {
 
 constexpr int kLane = 16;
+
+#ifdef __AVX512F__
+inline __mmask16 TailMask(Index n) { return static_cast<__mmask16>((1u << n) - 1); }
+#endif
 
 template <typename T>
 using Lane = Eigen::Array<T, kLane, 1>;
@@ -17,7 +26,14 @@ using Lane = Eigen::Array<T, kLane, 1>;
 template <typename T>
 inline Lane<T> Load(const T* p, Index n) {
   if (n >= kLane) return Eigen::Map<const Lane<T>>(p);
-  Lane<T> lane = Lane<T>::Zero();
+  Lane<T> lane;
+#ifdef __AVX512F__
+  if constexpr (std::is_same_v<T, float>) {
+    _mm512_storeu_ps(lane.data(), _mm512_maskz_loadu_ps(TailMask(n), p));
+    return lane;
+  }
+#endif
+  lane.setZero();
   for (Index i = 0; i < n; ++i) lane[i] = p[i];
   return lane;
 }
@@ -28,6 +44,12 @@ inline void Store(const Lane<T>& lane, T* p, Index n) {
     Eigen::Map<Lane<T>>{p} = lane;
     return;
   }
+#ifdef __AVX512F__
+  if constexpr (std::is_same_v<T, float>) {
+    _mm512_mask_storeu_ps(p, TailMask(n), _mm512_loadu_ps(lane.data()));
+    return;
+  }
+#endif
   for (Index i = 0; i < n; ++i) p[i] = lane[i];
 }
 

@@ -1,11 +1,16 @@
 #include "plugins/model_dreamer/layers.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "dreamsearch/random.h"
 
 namespace dreamsearch::dreamer {
 namespace {
+
+// Columns taken through all layers together: their activations stay in the
+// second-level cache from one layer to the next.
+constexpr Index kColumnsAtOnce = 256;
 
 // Square: rows made orthonormal by Gram and Schmidt, twice each for accuracy.
 void Orthonormal(Random* random, Index n, std::vector<double>* rows) {
@@ -73,13 +78,27 @@ Index ParameterGroup<T>::Add(const std::string& name, Index rows, Index cols, In
 }
 
 template <typename T>
-void ParameterGroup<T>::Allocate(std::uint64_t seed) {
-  values_.Reserve(size_);
+Index ParameterGroup<T>::AddPart(Index offset, Index rows, Index first, Index cols) {
+  parts_.push_back({offset, rows, first, cols});
+  return static_cast<Index>(parts_.size()) - 1;
+}
+
+template <typename T>
+void ParameterGroup<T>::Allocate(std::uint64_t seed, bool rounded) {
+  values_.Reserve(size_ + kBiasOverrun);
   gradient_.Reserve(size_);
   first_.Reserve(size_);
   second_.Reserve(size_);
   for (std::size_t i = 0; i < tensors_.size(); ++i) {
     Initialise(tensors_[i], DeriveSeed(seed, i), values_.data() + tensors_[i].offset);
+  }
+  if (rounded) rounded_ = std::make_unique<Bfloat16Weights>(parts_);
+}
+
+template <typename T>
+void ParameterGroup<T>::Round() {
+  if constexpr (std::is_same_v<T, float>) {
+    if (rounded_ != nullptr) rounded_->Pack(values_.data());
   }
 }
 
@@ -100,62 +119,62 @@ void Mlp::Reserve(Index columns, MlpTape<T>* tape) const {
 }
 
 template <typename T>
-void Mlp::Forward(const T* values, In<T> x, Index first, MlpTape<T>* tape, Mat<T> out) const {
-  In<T> input = x;
-  for (std::size_t i = 0; i < activation_.size(); ++i) {
-    const ActivationTape<T> hidden = tape->hidden[i].Cols(first, x.cols);
-    affine_[i].Forward(values, input, hidden.output);
-    activation_[i].Forward(values, hidden);
-    input = hidden.output;
+void Mlp::Forward(const Weights<T>& weights, In<T> x, Index first, MlpTape<T>* tape,
+                  Mat<T> out) const {
+  for (Index at = 0; at < x.cols; at += kColumnsAtOnce) {
+    const Index n = std::min(kColumnsAtOnce, x.cols - at);
+    In<T> input = x.Cols(at, n);
+    for (std::size_t i = 0; i < activation_.size(); ++i) {
+      const ActivationTape<T> hidden = tape->hidden[i].Cols(first + at, n);
+      affine_[i].Forward(weights, input, hidden.output);
+      activation_[i].Forward(weights, hidden);
+      input = hidden.output;
+    }
+    if (affine_.size() > activation_.size()) {
+      affine_.back().Forward(weights, input, out.Cols(at, n));
+    }
   }
-  if (affine_.size() > activation_.size()) affine_.back().Forward(values, input, out);
 }
 
 template <typename T>
-void Mlp::Backward(const T* values, In<T> x, Index first, const MlpTape<T>& tape, In<T> d_out,
-                   MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const {
-  const Index n = x.cols;
-  Mat<T> d = scratch->a.Shape(width_, n);
-  Mat<T> next = scratch->b.Shape(width_, n);
-  std::size_t layer = activation_.size();
-  const auto input = [&](std::size_t i) -> In<T> {
-    return i == 0 ? x : In<T>(tape.hidden[i - 1].output.Cols(first, n));
-  };
-  if (affine_.size() > layer) {
-    const Affine& last = affine_.back();
-    if (gradient != nullptr) {
-      AddOuterProduct<T>(d_out, input(layer), last.Weight(gradient));
-      AddColumnSums<T>(d_out, last.Bias(gradient));
+void Mlp::Backward(const Weights<T>& weights, In<T> x, Index first, const MlpTape<T>& tape,
+                   In<T> d_out, MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const {
+  for (Index at = 0; at < x.cols; at += kColumnsAtOnce) {
+    const Index n = std::min(kColumnsAtOnce, x.cols - at);
+    Mat<T> d = scratch->a.Shape(width_, n);
+    Mat<T> next = scratch->b.Shape(width_, n);
+    const auto input = [&](std::size_t i) -> In<T> {
+      return i == 0 ? x.Cols(at, n) : In<T>(tape.hidden[i - 1].output.Cols(first + at, n));
+    };
+    std::size_t layer = activation_.size();
+    if (affine_.size() > layer) {
+      const Affine& last = affine_.back();
+      const In<T> d_last = d_out.Cols(at, n);
+      if (gradient != nullptr) last.AddGradient<T>(weights, input(layer), d_last, gradient);
+      last.SetTransposed(weights, 0, d_last, d);
+    } else {
+      Copy<T>(d_out.Cols(at, n), d);
     }
-    if (layer == 0) {
-      if (d_x) AddTransposedProduct<T>(last.Weight(values), d_out, d_x);
-      return;
-    }
-    SetZero(d);
-    AddTransposedProduct<T>(last.Weight(values), d_out, d);
-  } else {
-    Copy<T>(d_out, d);
-  }
-  while (layer-- > 0) {
-    activation_[layer].Backward(values, tape.hidden[layer].Cols(first, n), d, gradient);
-    const Affine& affine = affine_[layer];
-    if (gradient != nullptr) affine.AddGradient<T>(input(layer), d, gradient);
-    if (layer > 0) {
-      SetZero(next);
-      AddTransposedProduct<T>(affine.Weight(values), d, next);
-      std::swap(d, next);
-    } else if (d_x) {
-      AddTransposedProduct<T>(affine.Weight(values), d, d_x);
+    while (layer-- > 0) {
+      activation_[layer].Backward(weights, tape.hidden[layer].Cols(first + at, n), d, gradient);
+      const Affine& affine = affine_[layer];
+      if (gradient != nullptr) affine.AddGradient<T>(weights, input(layer), d, gradient);
+      if (layer > 0) {
+        affine.SetTransposed<T>(weights, 0, d, next);
+        std::swap(d, next);
+      } else if (d_x) {
+        affine.AddTransposed<T>(weights, 0, d, d_x.Cols(at, n));
+      }
     }
   }
 }
 
-#define DREAMER_INSTANTIATE(T)                                                                     \
-  template class ParameterGroup<T>;                                                                \
-  template void Mlp::Reserve<T>(Index, MlpTape<T>*) const;                                         \
-  template void Mlp::Forward<T>(const T*, In<T>, Index, MlpTape<T>*, Mat<T>) const;                \
-  template void Mlp::Backward<T>(const T*, In<T>, Index, const MlpTape<T>&, In<T>, MlpScratch<T>*, \
-                                 T*, Mat<T>) const;
+#define DREAMER_INSTANTIATE(T)                                                               \
+  template class ParameterGroup<T>;                                                          \
+  template void Mlp::Reserve<T>(Index, MlpTape<T>*) const;                                   \
+  template void Mlp::Forward<T>(const Weights<T>&, In<T>, Index, MlpTape<T>*, Mat<T>) const; \
+  template void Mlp::Backward<T>(const Weights<T>&, In<T>, Index, const MlpTape<T>&, In<T>,  \
+                                 MlpScratch<T>*, T*, Mat<T>) const;
 DREAMER_INSTANTIATE(float)
 DREAMER_INSTANTIATE(double)
 #undef DREAMER_INSTANTIATE

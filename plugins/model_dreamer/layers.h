@@ -6,9 +6,11 @@
 // frozen and only the gradient of the input is wanted.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "plugins/model_dreamer/bfloat16.h"
 #include "plugins/model_dreamer/elementwise.h"
 #include "plugins/model_dreamer/matrix.h"
 #include "plugins/model_dreamer/product.h"
@@ -30,6 +32,14 @@ struct Tensor {
   Initial initial = Initial::kZero;
 };
 
+// The values that a layer computes with: a group's own or a copy of them, and
+// rounded copies of the weights if the products are to be in bfloat16.
+template <typename T>
+struct Weights {
+  const T* values = nullptr;
+  Bfloat16Weights* rounded = nullptr;  // only for T = float; null: products in T
+};
+
 // Parameters that one optimiser moves together: values, gradients and Adam's two
 // moments, each one contiguous array.
 template <typename T>
@@ -40,11 +50,23 @@ class ParameterGroup {
   // Declares a tensor and returns its offset; before Allocate.
   Index Add(const std::string& name, Index rows, Index cols, Initial initial, Index blocks = 1);
 
-  // Makes the arrays and draws the first values from `seed`.
-  void Allocate(std::uint64_t seed);
+  // Declares columns of a weight that are multiplied on their own and returns the
+  // part's number; before Allocate.
+  Index AddPart(Index offset, Index rows, Index first, Index cols);
+
+  // Makes the arrays and draws the first values from `seed`. With `rounded`,
+  // training() computes its products in bfloat16.
+  void Allocate(std::uint64_t seed, bool rounded = false);
+
+  // What to compute with: in T, or as training does. Round remakes the rounded
+  // copies after the values have changed.
+  Weights<T> exact() const { return {values_.data(), nullptr}; }
+  Weights<T> training() const { return {values_.data(), rounded_.get()}; }
+  void Round();
 
   const std::string& name() const { return name_; }
   const std::vector<Tensor>& tensors() const { return tensors_; }
+  const std::vector<WeightPart>& parts() const { return parts_; }
   Index size() const { return size_; }
   T* values() const { return values_.data(); }
   T* gradient() const { return gradient_.data(); }
@@ -55,49 +77,123 @@ class ParameterGroup {
  private:
   std::string name_;
   std::vector<Tensor> tensors_;
+  std::vector<WeightPart> parts_;
   Index size_ = 0;
   Buffer<T> values_, gradient_, first_, second_;
+  std::unique_ptr<Bfloat16Weights> rounded_;
 };
 
-// y = W x + b, with the weight's columns usable in parts: W [x1; x2] = W1 x1 + W2 x2.
+// y = W x + b. The input may come in parts, W [x1; x2] = W1 x1 + W2 x2, so that
+// what is known for all steps is multiplied once.
 class Affine {
  public:
   Affine() = default;
   template <typename T>
-  Affine(ParameterGroup<T>* group, const std::string& name, Index in, Index out,
-         Initial initial = Initial::kGlorot, Index blocks = 1)
-      : in_(in),
-        out_(out),
-        weight_(group->Add(name + ".weight", out, in, initial, blocks)),
-        bias_(group->Add(name + ".bias", out, 1, Initial::kZero)) {}
+  Affine(ParameterGroup<T>* group, const std::string& name, const std::vector<Index>& parts,
+         Index out, Initial initial = Initial::kGlorot, Index blocks = 1)
+      : out_(out) {
+    Index in = 0;
+    for (const Index size : parts) in += size;
+    weight_ = group->Add(name + ".weight", out, in, initial, blocks);
+    bias_ = group->Add(name + ".bias", out, 1, Initial::kZero);
+    Index first = 0;
+    for (const Index size : parts) {
+      parts_.push_back({first, size, group->AddPart(weight_, out, first, size)});
+      first += size;
+    }
+  }
 
-  Index in() const { return in_; }
   Index out() const { return out_; }
+
+  // y = b.
   template <typename T>
-  Mat<T> Weight(T* base) const {
-    return {base + weight_, out_, in_};
+  void Start(const Weights<T>& weights, Mat<T> y) const {
+    FillColumns(weights.values + bias_, y);
   }
+  // y += W_part x.
   template <typename T>
-  T* Bias(T* base) const {
-    return base + bias_;
+  void Add(const Weights<T>& weights, std::size_t part, In<T> x, Mat<T> y) const {
+    if constexpr (std::is_same_v<T, float>) {
+      if (weights.rounded != nullptr) {
+        weights.rounded->AddProduct(parts_[part].number, x, y);
+        return;
+      }
+    }
+    AddProduct(Part(weights.values, part), x, y);
+  }
+  // dx += W_part^T dy.
+  template <typename T>
+  void AddTransposed(const Weights<T>& weights, std::size_t part, In<T> dy, Mat<T> dx) const {
+    if constexpr (std::is_same_v<T, float>) {
+      if (weights.rounded != nullptr) {
+        weights.rounded->AddTransposedProduct(parts_[part].number, dy, dx);
+        return;
+      }
+    }
+    AddTransposedProduct(Part(weights.values, part), dy, dx);
+  }
+  // dx = W_part^T dy.
+  template <typename T>
+  void SetTransposed(const Weights<T>& weights, std::size_t part, In<T> dy, Mat<T> dx) const {
+    if constexpr (std::is_same_v<T, float>) {
+      if (weights.rounded != nullptr) {
+        weights.rounded->SetTransposedProduct(parts_[part].number, dy, dx);
+        return;
+      }
+    }
+    SetZero(dx);
+    AddTransposedProduct(Part(weights.values, part), dy, dx);
+  }
+  // The gradient of W_part += dy x^T.
+  template <typename T>
+  void AddOuter(const Weights<T>& weights, std::size_t part, In<T> x, In<T> dy, T* gradient) const {
+    if constexpr (std::is_same_v<T, float>) {
+      if (weights.rounded != nullptr) {
+        weights.rounded->AddOuterProduct(dy, x, Part(gradient, part));
+        return;
+      }
+    }
+    AddOuterProduct(dy, x, Part(gradient, part));
+  }
+  // The gradient of b += the sum of dy's columns.
+  template <typename T>
+  void AddBias(In<T> dy, T* gradient) const {
+    AddColumnSums<T>(dy, gradient + bias_);
   }
 
+  // With the input in one part:
   template <typename T>
-  void Forward(const T* values, In<T> x, Mat<T> y) const {
-    FillColumns(Bias(values), y);
-    AddProduct(Weight(values), x, y);
+  void Forward(const Weights<T>& weights, In<T> x, Mat<T> y) const {
+    if constexpr (std::is_same_v<T, float>) {
+      if (weights.rounded != nullptr) {
+        weights.rounded->SetProduct(parts_[0].number, weights.values + bias_, x, y);
+        return;
+      }
+    }
+    Start(weights, y);
+    Add(weights, 0, x, y);
   }
   template <typename T>
-  void AddGradient(In<T> x, Mat<T> dy, T* gradient) const {
-    AddOuterProduct<T>(dy, x, Weight(gradient));
-    AddColumnSums<T>(dy, Bias(gradient));
+  void AddGradient(const Weights<T>& weights, In<T> x, In<T> dy, T* gradient) const {
+    AddOuter(weights, 0, x, dy, gradient);
+    AddBias<T>(dy, gradient);
   }
 
  private:
-  Index in_ = 0;
+  struct InputPart {
+    Index first = 0;
+    Index size = 0;
+    Index number = 0;  // in the group
+  };
+  template <typename T>
+  Mat<T> Part(T* base, std::size_t part) const {
+    return {base + weight_ + parts_[part].first * out_, out_, parts_[part].size};
+  }
+
   Index out_ = 0;
   Index weight_ = 0;
   Index bias_ = 0;
+  std::vector<InputPart> parts_;
 };
 
 // What a hidden layer's activation keeps: the output, and with layer
@@ -144,18 +240,20 @@ class Activation {
 
   // The pre-activation is in tape.output, which becomes the output.
   template <typename T>
-  void Forward(const T* values, const ActivationTape<T>& tape) const {
+  void Forward(const Weights<T>& weights, const ActivationTape<T>& tape) const {
     if (normalised_) {
-      LayerNorm(values + scale_, values + shift_, tape.output, tape.unit, tape.inverse);
+      LayerNorm(weights.values + scale_, weights.values + shift_, tape.output, tape.unit,
+                tape.inverse);
     }
     Elu(tape.output);
   }
   // d becomes the gradient of the pre-activation. gradient may be null.
   template <typename T>
-  void Backward(const T* values, const ActivationTape<T>& tape, Mat<T> d, T* gradient) const {
+  void Backward(const Weights<T>& weights, const ActivationTape<T>& tape, Mat<T> d,
+                T* gradient) const {
     EluBackward<T>(tape.output, d);
     if (normalised_) {
-      LayerNormBackward<T>(values + scale_, tape.unit, tape.inverse, d,
+      LayerNormBackward<T>(weights.values + scale_, tape.unit, tape.inverse, d,
                            gradient == nullptr ? nullptr : gradient + scale_,
                            gradient == nullptr ? nullptr : gradient + shift_);
     }
@@ -191,24 +289,20 @@ class Mlp {
       : width_(width), normalised_(normalised) {
     for (Index i = 0; i < hidden_layers; ++i) {
       const std::string layer = name + "." + std::to_string(i);
-      affine_.emplace_back(group, layer, i == 0 ? in : width, width);
+      affine_.push_back(Affine(group, layer, {i == 0 ? in : width}, width));
       activation_.emplace_back(group, layer, width, normalised);
     }
     if (out > 0) {
-      affine_.emplace_back(group, name + ".out", hidden_layers == 0 ? in : width, out, last);
+      affine_.push_back(Affine(group, name + ".out", {hidden_layers == 0 ? in : width}, out, last));
     }
   }
-  Index layers() const { return static_cast<Index>(activation_.size()); }
-  Index in() const { return affine_.front().in(); }
-  const std::vector<Affine>& affine() const { return affine_; }
-
   template <typename T>
   void Reserve(Index columns, MlpTape<T>* tape) const;
 
   // Uses the tape's columns [first, first + x.cols). `out` is empty for an Mlp
   // without output layer; its output is then Last(tape).
   template <typename T>
-  void Forward(const T* values, In<T> x, Index first, MlpTape<T>* tape, Mat<T> out) const;
+  void Forward(const Weights<T>& weights, In<T> x, Index first, MlpTape<T>* tape, Mat<T> out) const;
 
   template <typename T>
   Mat<T> Last(const MlpTape<T>& tape) const {
@@ -218,8 +312,8 @@ class Mlp {
   // d_out: the gradient of the output, kept. gradient: added to, or null for a
   // frozen group. d_x: added to, or empty.
   template <typename T>
-  void Backward(const T* values, In<T> x, Index first, const MlpTape<T>& tape, In<T> d_out,
-                MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const;
+  void Backward(const Weights<T>& weights, In<T> x, Index first, const MlpTape<T>& tape,
+                In<T> d_out, MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const;
 
  private:
   Index width_ = 0;

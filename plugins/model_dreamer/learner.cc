@@ -83,10 +83,10 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
       a_(action_size),
       world_(settings, observation_size, action_size),
       behaviour_(settings, action_size) {
-  world_.group().Allocate(DeriveSeed(seed, kModelParameters));
-  behaviour_.actor().Allocate(DeriveSeed(seed, kActorParameters));
-  behaviour_.value().Allocate(DeriveSeed(seed, kValueParameters));
-  behaviour_.ResetSlow();
+  const bool rounded = settings.bfloat16 && std::is_same_v<T, float> && Bfloat16Available();
+  world_.group().Allocate(DeriveSeed(seed, kModelParameters), rounded);
+  behaviour_.Allocate(DeriveSeed(seed, kActorParameters), DeriveSeed(seed, kValueParameters),
+                      rounded);
   statistics_.mean.assign(static_cast<std::size_t>(o_), 0.0);
   statistics_.variance.assign(static_cast<std::size_t>(o_), 1.0);
   next_statistics_ = statistics_;
@@ -199,6 +199,8 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
 
 template <typename T>
 void Learner<T>::Gradients(UpdateLosses* losses, const DreamStops<T>* stops) {
+  world_.group().Round();
+  behaviour_.Round();
   world_.group().ClearGradient();
   behaviour_.actor().ClearGradient();
   behaviour_.value().ClearGradient();

@@ -124,6 +124,10 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("gradient_clip", 100, 1e-6, 1e9, "",
                   "Largest norm of a group's gradient; longer ones are shortened. [dreamer]"),
 
+    ChoiceParameter("precision", "bfloat16", "float,bfloat16",
+                    "Factors of the training's matrix products: float, or rounded to bfloat16 "
+                    "where the processor multiplies it (AMX), with float weights and sums. [ours]")
+        .Preset("paper", "float"),
     ChoiceParameter("acting_latent", "sample", "sample,mean",
                     "What Observe returns of the posterior. [dreamer: sample]"),
     ChoiceParameter("imagined_latent", "mean", "sample,mean",
@@ -180,6 +184,7 @@ Settings SettingsFrom(const Parameters& p) {
   s.adam_beta2 = p.GetReal("adam_beta2");
   s.adam_epsilon = p.GetReal("adam_epsilon");
   s.gradient_clip = p.GetReal("gradient_clip");
+  s.bfloat16 = p.IsChoice("precision", "bfloat16");
   s.acting_latent_sample = p.IsChoice("acting_latent", "sample");
   s.imagined_latent_sample = p.IsChoice("imagined_latent", "sample");
   return s;

@@ -63,6 +63,7 @@ struct Settings {
   double adam_beta2 = 0.999;
   double adam_epsilon = 1e-7;
   double gradient_clip = 100;
+  bool bfloat16 = false;
 
   // What planners see.
   bool acting_latent_sample = true;

@@ -31,14 +31,14 @@ WorldModel<T>::WorldModel(const Settings& settings, Index observation_size, Inde
   const Index state = settings.state_size();
   const Initial head = settings.zero_heads ? Initial::kZero : Initial::kGlorot;
   encoder_ = Mlp(&group_, "encoder", o_, u_, settings.encoder_layers, 0, norm);
-  recur_ = Affine(&group_, "recurrence", z_ + a_, u_);
+  recur_ = Affine(&group_, "recurrence", {z_, a_}, u_);
   recur_activation_ = Activation(&group_, "recurrence", u_, norm);
-  gru_input_ = Affine(&group_, "gru.input", u_, 3 * d_, Initial::kGlorot, 3);
-  gru_recurrent_ = Affine(&group_, "gru.recurrent", d_, 3 * d_, Initial::kOrthogonal, 3);
+  gru_input_ = Affine(&group_, "gru.input", {u_}, 3 * d_, Initial::kGlorot, 3);
+  gru_recurrent_ = Affine(&group_, "gru.recurrent", {d_}, 3 * d_, Initial::kOrthogonal, 3);
   prior_ = Mlp(&group_, "prior", d_, u_, 1, 2 * z_, norm);
-  posterior_hidden_ = Affine(&group_, "posterior.0", d_ + u_, u_);
+  posterior_hidden_ = Affine(&group_, "posterior.0", {d_, u_}, u_);
   posterior_activation_ = Activation(&group_, "posterior.0", u_, norm);
-  posterior_out_ = Affine(&group_, "posterior.out", u_, 2 * z_);
+  posterior_out_ = Affine(&group_, "posterior.out", {u_}, 2 * z_);
   decoder_ = Mlp(&group_, "observation", state, u_, settings.decoder_layers, o_, norm);
   reward_ = Mlp(&group_, "reward", state, u_, settings.reward_layers, 1, norm, head);
   if (settings.continuation) {
@@ -48,23 +48,25 @@ WorldModel<T>::WorldModel(const Settings& settings, Index observation_size, Inde
 }
 
 template <typename T>
-void WorldModel<T>::Recur(In<T> state, bool start, const ActivationTape<T>& input, Mat<T> gates,
-                          Mat<T> next) {
-  const T* p = group_.values();
+void WorldModel<T>::Recur(const Weights<T>& p, In<T> state, bool start,
+                          const ActivationTape<T>& input, Mat<T> gates, Mat<T> next) {
   const Index n = next.cols;
-  if (!start) AddProduct(recur_.Weight(p).Cols(0, z_), ReadStochastic(state), input.output);
+  if (!start) recur_.Add(p, 0, ReadStochastic(state), input.output);
   recur_activation_.Forward(p, input);
   const Mat<T> in = gru_in_.Shape(3 * d_, n);
   const Mat<T> rec = gru_rec_.Shape(3 * d_, n);
   gru_input_.Forward(p, input.output, in);
-  FillColumns(gru_recurrent_.Bias(p), rec);
-  if (!start) AddProduct(gru_recurrent_.Weight(p), ReadDeterministic(state), rec);
+  if (start) {
+    gru_recurrent_.Start(p, rec);
+  } else {
+    gru_recurrent_.Forward(p, ReadDeterministic(state), rec);
+  }
   GruForward<T>(in, rec, ReadDeterministic(state), gates, Deterministic(next));
 }
 
 template <typename T>
 void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
-  const T* p = group_.values();
+  const Weights<T> p = group_.training();
   T* g = group_.gradient();
   const Index b = batch.count;
   const Index steps = batch.length;
@@ -77,11 +79,11 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   encoder_.Forward(p, batch.observations, 0, &encoder_tape_, Mat<T>());
   const Mat<T> embedding = encoder_.Last(encoder_tape_);
   const ActivationTape<T> x = recur_buffers_.Shape(u_, n, norm);
-  FillColumns(recur_.Bias(p), x.output);
-  AddProduct(recur_.Weight(p).Cols(z_, a_), batch.actions, x.output);
+  recur_.Start(p, x.output);
+  recur_.Add(p, 1, batch.actions, x.output);
   const ActivationTape<T> hidden = posterior_buffers_.Shape(u_, n, norm);
-  FillColumns(posterior_hidden_.Bias(p), hidden.output);
-  AddProduct(posterior_hidden_.Weight(p).Cols(d_, u_), In<T>(embedding), hidden.output);
+  posterior_hidden_.Start(p, hidden.output);
+  posterior_hidden_.Add(p, 1, In<T>(embedding), hidden.output);
 
   // The recurrence. `all` starts with the zero states before the first step.
   const Mat<T> all = states_buffer_.Shape(z_ + d_, b + n);
@@ -92,9 +94,9 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   const Mat<T> q_std = posterior_std_.Shape(z_, n);
   for (Index t = 0; t < steps; ++t) {
     const Mat<T> next = all.Cols((t + 1) * b, b);
-    Recur(all.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), next);
+    Recur(p, all.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), next);
     const ActivationTape<T> now = hidden.Cols(t * b, b);
-    AddProduct(posterior_hidden_.Weight(p).Cols(0, d_), In<T>(Deterministic(next)), now.output);
+    posterior_hidden_.Add(p, 0, In<T>(Deterministic(next)), now.output);
     posterior_activation_.Forward(p, now);
     posterior_out_.Forward(p, In<T>(now.output), q_raw.Cols(t * b, b));
     GaussianForward<T>(q_raw.Cols(t * b, b), batch.noise.Cols(t * b, b), min_std_,
@@ -173,45 +175,40 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   const Mat<T> d_in = d_input_.Shape(3 * d_, n);
   const Mat<T> d_rec = d_recurrent_.Shape(3 * d_, n);
   const Mat<T> d_x = d_recur_.Shape(u_, n);
-  SetZero(d_hidden);
-  SetZero(d_x);
   const Mat<T> d_prev = step_d_prev_.Shape(d_, b);
   for (Index t = steps; t-- > 0;) {
     const Mat<T> d_now = d_states.Cols(t * b, b);
     GaussianBackward<T>(q_std.Cols(t * b, b), batch.noise.Cols(t * b, b), min_std_,
                         Stochastic(d_now), d_q.Cols(t * b, b));
     const Mat<T> dh = d_hidden.Cols(t * b, b);
-    AddTransposedProduct(posterior_out_.Weight(p), In<T>(d_q.Cols(t * b, b)), dh);
+    posterior_out_.SetTransposed(p, 0, In<T>(d_q.Cols(t * b, b)), dh);
     posterior_activation_.Backward(p, hidden.Cols(t * b, b), dh, g);
-    AddTransposedProduct(posterior_hidden_.Weight(p).Cols(0, d_), In<T>(dh), Deterministic(d_now));
+    posterior_hidden_.AddTransposed(p, 0, In<T>(dh), Deterministic(d_now));
     GruBackward<T>(gates.Cols(t * b, b), Deterministic(all.Cols(t * b, b)), Deterministic(d_now),
                    d_in.Cols(t * b, b), d_rec.Cols(t * b, b), d_prev);
     const Mat<T> dx = d_x.Cols(t * b, b);
-    AddTransposedProduct(gru_input_.Weight(p), In<T>(d_in.Cols(t * b, b)), dx);
+    gru_input_.SetTransposed(p, 0, In<T>(d_in.Cols(t * b, b)), dx);
     recur_activation_.Backward(p, x.Cols(t * b, b), dx, g);
     if (t == 0) break;
     const Mat<T> d_before = d_states.Cols((t - 1) * b, b);
     Add<T>(d_prev, Deterministic(d_before));
-    AddTransposedProduct(gru_recurrent_.Weight(p), In<T>(d_rec.Cols(t * b, b)),
-                         Deterministic(d_before));
-    AddTransposedProduct(recur_.Weight(p).Cols(0, z_), In<T>(dx), Stochastic(d_before));
+    gru_recurrent_.AddTransposed(p, 0, In<T>(d_rec.Cols(t * b, b)), Deterministic(d_before));
+    recur_.AddTransposed(p, 0, In<T>(dx), Stochastic(d_before));
   }
 
   // The weights' gradients, for all steps at once.
   const Mat<T> before = all.Cols(0, n);
-  posterior_out_.AddGradient<T>(hidden.output, d_q, g);
-  AddOuterProduct(In<T>(d_hidden), ReadDeterministic(states_),
-                  posterior_hidden_.Weight(g).Cols(0, d_));
-  AddOuterProduct(In<T>(d_hidden), In<T>(embedding), posterior_hidden_.Weight(g).Cols(d_, u_));
-  AddColumnSums(In<T>(d_hidden), posterior_hidden_.Bias(g));
-  gru_input_.AddGradient<T>(x.output, d_in, g);
-  gru_recurrent_.AddGradient<T>(Deterministic(before), d_rec, g);
-  AddOuterProduct(In<T>(d_x), ReadStochastic(before), recur_.Weight(g).Cols(0, z_));
-  AddOuterProduct(In<T>(d_x), batch.actions, recur_.Weight(g).Cols(z_, a_));
-  AddColumnSums(In<T>(d_x), recur_.Bias(g));
+  posterior_out_.AddGradient<T>(p, hidden.output, d_q, g);
+  posterior_hidden_.AddOuter<T>(p, 0, ReadDeterministic(states_), d_hidden, g);
+  posterior_hidden_.AddOuter<T>(p, 1, embedding, d_hidden, g);
+  posterior_hidden_.AddBias<T>(d_hidden, g);
+  gru_input_.AddGradient<T>(p, x.output, d_in, g);
+  gru_recurrent_.AddGradient<T>(p, Deterministic(before), d_rec, g);
+  recur_.AddOuter<T>(p, 0, ReadStochastic(before), d_x, g);
+  recur_.AddOuter<T>(p, 1, batch.actions, d_x, g);
+  recur_.AddBias<T>(d_x, g);
   const Mat<T> d_embedding = d_embedding_.Shape(u_, n);
-  SetZero(d_embedding);
-  AddTransposedProduct(posterior_hidden_.Weight(p).Cols(d_, u_), In<T>(d_hidden), d_embedding);
+  posterior_hidden_.SetTransposed(p, 1, In<T>(d_hidden), d_embedding);
   encoder_.Backward(p, batch.observations, 0, encoder_tape_, In<T>(d_embedding), &scratch_, g,
                     Mat<T>());
 }
@@ -226,24 +223,22 @@ void WorldModel<T>::Reserve(Index columns, TransitionTape<T>* tape) const {
 }
 
 template <typename T>
-void WorldModel<T>::Step(In<T> state, In<T> action, In<T> noise, Index first,
+void WorldModel<T>::Step(const Weights<T>& p, In<T> state, In<T> action, In<T> noise, Index first,
                          TransitionTape<T>* tape, Mat<T> next) {
-  const T* p = group_.values();
   const Index n = state.cols;
   const ActivationTape<T> input = tape->input.Cols(first, n);
-  FillColumns(recur_.Bias(p), input.output);
-  AddProduct(recur_.Weight(p).Cols(z_, a_), action, input.output);
-  Recur(state, false, input, tape->gates.Cols(first, n), next);
+  recur_.Start(p, input.output);
+  recur_.Add(p, 1, action, input.output);
+  Recur(p, state, false, input, tape->gates.Cols(first, n), next);
   const Mat<T> raw = tape->prior_raw.Cols(first, n);
   prior_.Forward(p, In<T>(Deterministic(next)), first, &tape->prior, raw);
   GaussianForward<T>(raw, noise, min_std_, tape->prior_std.Cols(first, n), Stochastic(next));
 }
 
 template <typename T>
-void WorldModel<T>::StepBackward(In<T> state, In<T> next, In<T> noise, Index first,
-                                 const TransitionTape<T>& tape, Mat<T> d_next, Mat<T> d_state,
-                                 Mat<T> d_action) {
-  const T* p = group_.values();
+void WorldModel<T>::StepBackward(const Weights<T>& p, In<T> state, In<T> next, In<T> noise,
+                                 Index first, const TransitionTape<T>& tape, Mat<T> d_next,
+                                 Mat<T> d_state, Mat<T> d_action) {
   const Index n = state.cols;
   const Mat<T> d_raw = step_d_raw_.Shape(2 * z_, n);
   SetZero(d_raw);
@@ -256,34 +251,30 @@ void WorldModel<T>::StepBackward(In<T> state, In<T> next, In<T> noise, Index fir
   GruBackward<T>(tape.gates.Cols(first, n), ReadDeterministic(state), Deterministic(d_next), d_in,
                  d_rec, d_prev);
   const Mat<T> d_x = step_d_x_.Shape(u_, n);
-  SetZero(d_x);
-  AddTransposedProduct(gru_input_.Weight(p), In<T>(d_in), d_x);
+  gru_input_.SetTransposed(p, 0, In<T>(d_in), d_x);
   recur_activation_.Backward(p, tape.input.Cols(first, n), d_x, static_cast<T*>(nullptr));
-  SetZero(d_action);
-  AddTransposedProduct(recur_.Weight(p).Cols(z_, a_), In<T>(d_x), d_action);
+  recur_.SetTransposed(p, 1, In<T>(d_x), d_action);
   if (!d_state) return;
   Add<T>(d_prev, Deterministic(d_state));
-  AddTransposedProduct(gru_recurrent_.Weight(p), In<T>(d_rec), Deterministic(d_state));
-  AddTransposedProduct(recur_.Weight(p).Cols(0, z_), In<T>(d_x), Stochastic(d_state));
+  gru_recurrent_.AddTransposed(p, 0, In<T>(d_rec), Deterministic(d_state));
+  recur_.AddTransposed(p, 0, In<T>(d_x), Stochastic(d_state));
 }
 
 template <typename T>
-void WorldModel<T>::Observe(In<T> previous, In<T> action, In<T> observation, In<T> noise,
-                            Mat<T> next) {
-  const T* p = group_.values();
+void WorldModel<T>::Observe(const Weights<T>& p, In<T> previous, In<T> action, In<T> observation,
+                            In<T> noise, Mat<T> next) {
   const Index n = previous.cols;
   const bool norm = settings_.layer_norm;
   encoder_.Reserve(n, &encoder_tape_);
   encoder_.Forward(p, observation, 0, &encoder_tape_, Mat<T>());
   const ActivationTape<T> x = recur_buffers_.Shape(u_, n, norm);
-  FillColumns(recur_.Bias(p), x.output);
-  AddProduct(recur_.Weight(p).Cols(z_, a_), action, x.output);
-  Recur(previous, false, x, gates_.Shape(4 * d_, n), next);
+  recur_.Start(p, x.output);
+  recur_.Add(p, 1, action, x.output);
+  Recur(p, previous, false, x, gates_.Shape(4 * d_, n), next);
   const ActivationTape<T> hidden = posterior_buffers_.Shape(u_, n, norm);
-  FillColumns(posterior_hidden_.Bias(p), hidden.output);
-  AddProduct(posterior_hidden_.Weight(p).Cols(0, d_), In<T>(Deterministic(next)), hidden.output);
-  AddProduct(posterior_hidden_.Weight(p).Cols(d_, u_), In<T>(encoder_.Last(encoder_tape_)),
-             hidden.output);
+  posterior_hidden_.Start(p, hidden.output);
+  posterior_hidden_.Add(p, 0, In<T>(Deterministic(next)), hidden.output);
+  posterior_hidden_.Add(p, 1, In<T>(encoder_.Last(encoder_tape_)), hidden.output);
   posterior_activation_.Forward(p, hidden);
   const Mat<T> raw = posterior_raw_.Shape(2 * z_, n);
   posterior_out_.Forward(p, In<T>(hidden.output), raw);
@@ -291,29 +282,30 @@ void WorldModel<T>::Observe(In<T> previous, In<T> action, In<T> observation, In<
 }
 
 template <typename T>
-void WorldModel<T>::Reward(In<T> states, MlpTape<T>* tape, Mat<T> reward) const {
+void WorldModel<T>::Reward(const Weights<T>& p, In<T> states, MlpTape<T>* tape,
+                           Mat<T> reward) const {
   reward_.Reserve(states.cols, tape);
-  reward_.Forward(group_.values(), states, 0, tape, reward);
+  reward_.Forward(p, states, 0, tape, reward);
 }
 
 template <typename T>
-void WorldModel<T>::Continuation(In<T> states, MlpTape<T>* tape, Mat<T> logit) const {
+void WorldModel<T>::Continuation(const Weights<T>& p, In<T> states, MlpTape<T>* tape,
+                                 Mat<T> logit) const {
   continuation_.Reserve(states.cols, tape);
-  continuation_.Forward(group_.values(), states, 0, tape, logit);
+  continuation_.Forward(p, states, 0, tape, logit);
 }
 
 template <typename T>
-void WorldModel<T>::RewardBackward(In<T> states, const MlpTape<T>& tape, In<T> d_reward,
-                                   MlpScratch<T>* scratch, Mat<T> d_states) const {
-  reward_.Backward(group_.values(), states, 0, tape, d_reward, scratch, static_cast<T*>(nullptr),
-                   d_states);
+void WorldModel<T>::RewardBackward(const Weights<T>& p, In<T> states, const MlpTape<T>& tape,
+                                   In<T> d_reward, MlpScratch<T>* scratch, Mat<T> d_states) const {
+  reward_.Backward(p, states, 0, tape, d_reward, scratch, static_cast<T*>(nullptr), d_states);
 }
 
 template <typename T>
-void WorldModel<T>::ContinuationBackward(In<T> states, const MlpTape<T>& tape, In<T> d_logit,
-                                         MlpScratch<T>* scratch, Mat<T> d_states) const {
-  continuation_.Backward(group_.values(), states, 0, tape, d_logit, scratch,
-                         static_cast<T*>(nullptr), d_states);
+void WorldModel<T>::ContinuationBackward(const Weights<T>& p, In<T> states, const MlpTape<T>& tape,
+                                         In<T> d_logit, MlpScratch<T>* scratch,
+                                         Mat<T> d_states) const {
+  continuation_.Backward(p, states, 0, tape, d_logit, scratch, static_cast<T*>(nullptr), d_states);
 }
 
 template class WorldModel<float>;

@@ -66,28 +66,31 @@ class WorldModel {
 
   void Reserve(Index columns, TransitionTape<T>* tape) const;
 
+  // The calls below compute with `weights`: group().exact() or group().training().
+
   // next = one step of the prior from `state` under `action`; the mean where
   // noise is empty. Uses the tape's columns from `first` on.
-  void Step(In<T> state, In<T> action, In<T> noise, Index first, TransitionTape<T>* tape,
-            Mat<T> next);
+  void Step(const Weights<T>& weights, In<T> state, In<T> action, In<T> noise, Index first,
+            TransitionTape<T>* tape, Mat<T> next);
 
   // From d_next, which is overwritten: d_action is set, d_state (unless empty) is
   // added to. The group is frozen.
-  void StepBackward(In<T> state, In<T> next, In<T> noise, Index first,
+  void StepBackward(const Weights<T>& weights, In<T> state, In<T> next, In<T> noise, Index first,
                     const TransitionTape<T>& tape, Mat<T> d_next, Mat<T> d_state, Mat<T> d_action);
 
   // The posterior after `action` from `previous` and the observation; its mean
   // where noise is empty.
-  void Observe(In<T> previous, In<T> action, In<T> observation, In<T> noise, Mat<T> next);
+  void Observe(const Weights<T>& weights, In<T> previous, In<T> action, In<T> observation,
+               In<T> noise, Mat<T> next);
 
   // The heads at each state; reward and logit: [1, n]. The tape's columns from 0.
-  void Reward(In<T> states, MlpTape<T>* tape, Mat<T> reward) const;
-  void Continuation(In<T> states, MlpTape<T>* tape, Mat<T> logit) const;
+  void Reward(const Weights<T>& weights, In<T> states, MlpTape<T>* tape, Mat<T> reward) const;
+  void Continuation(const Weights<T>& weights, In<T> states, MlpTape<T>* tape, Mat<T> logit) const;
   // d_states += the way back through a head, the group frozen.
-  void RewardBackward(In<T> states, const MlpTape<T>& tape, In<T> d_reward, MlpScratch<T>* scratch,
-                      Mat<T> d_states) const;
-  void ContinuationBackward(In<T> states, const MlpTape<T>& tape, In<T> d_logit,
-                            MlpScratch<T>* scratch, Mat<T> d_states) const;
+  void RewardBackward(const Weights<T>& weights, In<T> states, const MlpTape<T>& tape,
+                      In<T> d_reward, MlpScratch<T>* scratch, Mat<T> d_states) const;
+  void ContinuationBackward(const Weights<T>& weights, In<T> states, const MlpTape<T>& tape,
+                            In<T> d_logit, MlpScratch<T>* scratch, Mat<T> d_states) const;
 
  private:
   Mat<T> Stochastic(Mat<T> state) const { return state.Rows(0, z_); }
@@ -97,7 +100,8 @@ class WorldModel {
 
   // h' into next's deterministic rows, from x's pre-activation W_a a + b in
   // input.output; `start` says that the state before is zero.
-  void Recur(In<T> state, bool start, const ActivationTape<T>& input, Mat<T> gates, Mat<T> next);
+  void Recur(const Weights<T>& weights, In<T> state, bool start, const ActivationTape<T>& input,
+             Mat<T> gates, Mat<T> next);
 
   Settings settings_;
   Index o_, a_, z_, d_, u_;

@@ -235,6 +235,7 @@ TEST(Dreamer, InitialLatentIsZeroAndPaddingStaysZero) {
 TEST(Dreamer, AllocatesNothingAfterWarmUp) {
   if (!DREAMSEARCH_COUNTS_ALLOCATIONS) GTEST_SKIP() << "a sanitizer allocates";
   for (const char* preset : {"fast", "paper"}) {
+    SCOPED_TRACE(preset);
     Settings settings = PresetSettings(preset);
     settings.continuation = true;
     settings.horizon = 3;

@@ -87,10 +87,10 @@ void RunMlp(bool norm, Values* in, Values* out, Values* cotangent, Values* d) {
   MlpTape<double> tape;
   MlpScratch<double> scratch;
   mlp.Reserve(kN, &tape);
-  mlp.Forward(group.values(), x, 0, &tape, M(out->data(), 3, kN));
+  mlp.Forward(group.exact(), In<double>(x), 0, &tape, M(out->data(), 3, kN));
   if (d == nullptr) return;
-  mlp.Backward(group.values(), x, 0, tape, M(cotangent->data(), 3, kN), &scratch, group.gradient(),
-               M(d->data() + parameters, 4, kN));
+  mlp.Backward(group.exact(), In<double>(x), 0, tape, M(cotangent->data(), 3, kN), &scratch,
+               group.gradient(), M(d->data() + parameters, 4, kN));
   std::copy(group.gradient(), group.gradient() + group.size(), d->begin());
 }
 
@@ -428,6 +428,83 @@ TEST(KlFactors, SplitTheDivergencesGradientIntoPriorAndPosterior) {
   }
 }
 
+// The tile unit's products: factors that bfloat16 holds exactly give the float
+// product up to the order of the sum, at sizes on and off its tiles' edges.
+TEST(Bfloat16, ProductsOfExactFactorsEqualFloatProducts) {
+  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
+  using F = Mat<float>;
+  Random random(3);
+  const auto draw = [&](Index count) {
+    std::vector<float> values(static_cast<std::size_t>(count));
+    for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
+    return values;
+  };
+  for (const Index out : {1, 16, 30, 200, 600}) {
+    for (const Index in : {1, 6, 32, 230}) {
+      for (const Index n : {1, 16, 50, 300}) {
+        std::vector<float> w = draw(out * in), x = draw(in * n), d = draw(out * n);
+        std::vector<float> bias = draw(out + kBiasOverrun), y = draw(out * n), dx = draw(in * n);
+        std::vector<float> dw = draw(out * in), set(y.size()), set_dx(dx.size());
+        std::vector<float> y2 = y, dx2 = dx, dw2 = dw, set2(y.size()), set_dx2(dx.size());
+        const F mw(w.data(), out, in), mx(x.data(), in, n), md(d.data(), out, n);
+        Bfloat16Weights rounded({{0, out, 0, in}});
+        rounded.Pack(w.data());
+        rounded.AddProduct(0, mx, F(y.data(), out, n));
+        rounded.SetProduct(0, bias.data(), mx, F(set.data(), out, n));
+        rounded.AddTransposedProduct(0, md, F(dx.data(), in, n));
+        rounded.SetTransposedProduct(0, md, F(set_dx.data(), in, n));
+        rounded.AddOuterProduct(md, mx, F(dw.data(), out, in));
+        AddProduct<float>(mw, mx, F(y2.data(), out, n));
+        FillColumns(bias.data(), F(set2.data(), out, n));
+        AddProduct<float>(mw, mx, F(set2.data(), out, n));
+        AddTransposedProduct<float>(mw, md, F(dx2.data(), in, n));
+        AddTransposedProduct<float>(mw, md, F(set_dx2.data(), in, n));
+        AddOuterProduct<float>(md, mx, F(dw2.data(), out, in));
+        // Terms are multiples of 2^-8 and sums stay below 2^12: exact in float.
+        EXPECT_EQ(y, y2) << out << " x " << in << ", " << n;
+        EXPECT_EQ(set, set2) << out << " x " << in << ", " << n;
+        EXPECT_EQ(dx, dx2) << out << " x " << in << ", " << n;
+        EXPECT_EQ(set_dx, set_dx2) << out << " x " << in << ", " << n;
+        EXPECT_EQ(dw, dw2) << out << " x " << in << ", " << n;
+      }
+    }
+  }
+}
+
+// A whole update's gradient in bfloat16 points where the float gradient does.
+TEST(Bfloat16, UpdateGradientFollowsTheFloatGradient) {
+  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
+  const OwnedBatch batch = PointBatch(8, 16, 1);
+  std::vector<std::vector<double>> gradients[2];
+  for (const bool bfloat16 : {false, true}) {
+    Settings settings = PresetSettings("paper");
+    settings.bfloat16 = bfloat16;
+    settings.free_nats = 0;
+    settings.horizon = 5;
+    Learner<float> learner(settings, 2, 1, 5);
+    ASSERT_TRUE(learner.Read(batch.view(), 77).ok());
+    UpdateLosses losses;
+    learner.Gradients(&losses);
+    for (const ParameterGroup<float>* group :
+         {&learner.world().group(), &learner.behaviour().actor(), &learner.behaviour().value()}) {
+      gradients[bfloat16].emplace_back(group->gradient(), group->gradient() + group->size());
+    }
+  }
+  for (std::size_t g = 0; g < 3; ++g) {
+    double dot = 0, exact = 0, rounded = 0;
+    for (std::size_t i = 0; i < gradients[0][g].size(); ++i) {
+      dot += gradients[0][g][i] * gradients[1][g][i];
+      exact += gradients[0][g][i] * gradients[0][g][i];
+      rounded += gradients[1][g][i] * gradients[1][g][i];
+    }
+    const double cosine = dot / std::sqrt(exact * rounded);
+    Show("bfloat16 1 - cosine", 1 - cosine);
+    // Rounding errs by 2^-9 a factor; some tens of factors in a row, as angles add
+    // up, stay within a few percent: cosine above 1 - 0.05^2 / 2.
+    EXPECT_GT(cosine, 0.998) << "group " << g;
+  }
+}
+
 // One step of dynamics, whose input gradients the actor's learning rests on.
 TEST(Transition, BackwardEqualsCentralDifference) {
   for (const bool norm : {false, true}) {
@@ -445,15 +522,15 @@ TEST(Transition, BackwardEqualsCentralDifference) {
     TransitionTape<double> tape;
     world.Reserve(n, &tape);
     const auto loss = [&] {
-      world.Step(state, action, eps, 0, &tape, next);
+      world.Step(world.group().exact(), state, action, eps, 0, &tape, next);
       double total = 0;
       for (std::size_t i = 0; i < out.size(); ++i) total += cotangent[i] * out[i];
       return total;
     };
     loss();
     Values d_next = cotangent, gradient(inputs.size());
-    world.StepBackward(state, next, eps, 0, tape, M(d_next.data(), s, n), M(gradient.data(), s, n),
-                       M(gradient.data() + s * n, 2, n));
+    world.StepBackward(world.group().exact(), state, next, eps, 0, tape, M(d_next.data(), s, n),
+                       M(gradient.data(), s, n), M(gradient.data() + s * n, 2, n));
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const double kept = inputs[i];
       inputs[i] = kept + kStep;

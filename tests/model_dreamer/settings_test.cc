@@ -53,6 +53,7 @@ TEST(Settings, PaperPresetHasThePapersNumbers) {
   EXPECT_EQ(s.adam_beta2, 0.999);
   EXPECT_EQ(s.adam_epsilon, 1e-7);
   EXPECT_EQ(s.gradient_clip, 100);
+  EXPECT_FALSE(s.bfloat16);
   EXPECT_TRUE(s.acting_latent_sample);
   EXPECT_FALSE(s.imagined_latent_sample);
 }

@@ -1,0 +1,61 @@
+// bfloat16.h - products with bfloat16 factors and float sums, on the processor's
+// tile unit (AMX).
+//
+// A factor is rounded to the nearest bfloat16 (8 bits of significand, a relative
+// error of at most 2^-9), products are exact, sums are float. Weights stay float
+// elsewhere; here are rounded copies of them, laid out for the unit and remade
+// after every change. Only where Bfloat16Available().
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "plugins/model_dreamer/matrix.h"
+
+namespace dreamsearch::dreamer {
+
+// Whether this processor and system have the tile unit. Asks the system for it.
+bool Bfloat16Available();
+
+// The columns [first, first + cols) of a weight [rows, *] at `offset` of a group.
+struct WeightPart {
+  Index offset = 0;
+  Index rows = 0;
+  Index first = 0;
+  Index cols = 0;
+};
+
+inline constexpr Index kBiasOverrun = 16;
+
+// Rounded copies of a group's weights, and the memory that products need.
+class Bfloat16Weights {
+ public:
+  explicit Bfloat16Weights(const std::vector<WeightPart>& parts);
+
+  // Takes the weights of the group's values.
+  void Pack(const float* values);
+
+  // y += w x and dx += w^T dy, with w the part.
+  void AddProduct(Index part, Mat<const float> x, Mat<float> y);
+  void AddTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx);
+  // y = w x + bias and dx = w^T dy. The bias may be read up to kBiasOverrun values
+  // beyond its end.
+  void SetProduct(Index part, const float* bias, Mat<const float> x, Mat<float> y);
+  void SetTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx);
+  // dw += dy x^T.
+  void AddOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw);
+
+ private:
+  std::uint16_t* Scratch(Index rows);
+
+  struct Packed {
+    WeightPart part;
+    Index forward = 0;     // where the tiles of w begin
+    Index transposed = 0;  // and those of w^T
+  };
+  std::vector<Packed> parts_;
+  Buffer<std::uint16_t> tiles_;
+  Buffer<std::uint16_t> left_, right_;
+};
+
+}  // namespace dreamsearch::dreamer
