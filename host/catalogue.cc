@@ -225,6 +225,7 @@ ChildResult RunChild(const std::string& file, const ScanOptions& options) {
 std::string LastLine(std::string text) {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
   std::string line = text.substr(text.find_last_of("\r\n") + 1);  // npos + 1 is 0
+  line.erase(0, std::min(line.find_first_not_of(" \t"), line.size()));
   constexpr std::size_t kMost = 200;
   if (line.size() > kMost) line = line.substr(0, kMost) + "...";
   for (char& c : line) {
@@ -350,7 +351,7 @@ void LimitResources() {
   const rlimit none = {0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  constexpr rlim_t kMostData = rlim_t{4} << 30;
+  constexpr rlim_t kMostData = rlim_t{1} << 30;
   const rlimit data = {kMostData, kMostData};
   ::setrlimit(RLIMIT_DATA, &data);
 #endif

@@ -530,7 +530,7 @@ Usage
 Examples
   runner --env walker_walk --planner mcts_pw --seeds 3
   runner --env walker_walk,cartpole_swingup --planner dreamer,rollout,mcts_pw \
-         --seeds 3 --study first --set planner.noise=0.2 --dry-run
+         --seeds 3 --study first --set planner.noise_std=0.2 --dry-run
   runner --config experiments/quickstart.cfg --steps 20000
 
 The same command again skips what is finished and goes on with what is not.
