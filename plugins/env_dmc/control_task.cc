@@ -69,7 +69,7 @@ ControlTask::ControlTask(TaskSettings settings)
   spec_.episode_steps = kEpisodeSteps;
   spec_.return_low = 0;
   spec_.return_high = kEpisodeSteps;
-  PackState();
+  LayOutState();
 }
 
 Status ControlTask::Reset(std::uint32_t seed, View<double> observation) noexcept {
@@ -144,11 +144,15 @@ Status ControlTask::Step(View<const double> action, View<double> observation,
 // What decides the future: time, positions, velocities, activations, the solver's
 // starting point and the model values that the reset wrote. All else mj_step1
 // computes from these.
-void ControlTask::PackState() {
+void ControlTask::LayOutState() {
   std::size_t size = 1 + model_->nq + 2 * model_->nv + model_->na;
   for (const auto& values : written_) size += values.size();
   packed_.resize(size);
   spec_.state_bytes = sizeof(StateHeader) + size * sizeof(double);
+  PackState();
+}
+
+void ControlTask::PackState() {
   double* out = packed_.data();
   *out++ = data_->time;
   out = std::copy_n(qpos_before_.data(), model_->nq, out);
@@ -229,7 +233,7 @@ Status ControlTask::Render(const RenderRequest&, View<std::uint8_t>) noexcept {
 
 void ControlTask::DeclareWritten(mjtNum* values, int count) {
   written_.emplace_back(values, count);
-  PackState();  // it has grown
+  LayOutState();
 }
 
 void ControlTask::AdoptPhysics(std::uint32_t steps) {

@@ -96,6 +96,7 @@ class ControlTask : public Environment {
   struct StateHeader;
 
   Status FirstWarning(const char* when) const;
+  void LayOutState();
   void PackState();
   Status Fail(const char* call, const char* what) noexcept;
 
@@ -116,7 +117,7 @@ class ControlTask : public Environment {
   // The positions as they went into the last position stage, which normalises
   // quaternions in place: normalising once more may move their last bit.
   std::vector<mjtNum> qpos_before_;
-  // The last good state, see PackState. Outlives a divergence.
+  // The last good state, see LayOutState. Outlives a divergence.
   std::vector<double> packed_;
   std::uint32_t packed_steps_ = 0;
   bool packed_running_ = false;
