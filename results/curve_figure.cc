@@ -164,10 +164,8 @@ std::vector<std::string> Gaps(const std::vector<Line>& lines) {
     std::set<std::int64_t> there;
     for (const RunCurve& run : line.runs) {
       there.insert(run.seed);
-      if (run.status == RunStatus::kFinished) continue;
-      gaps.push_back(line.task + ", " + line.label + ": seed " + std::to_string(run.seed) + " " +
-                     RunStatusName(run.status) + " at " + Grouped(run.env_steps_done) + " of " +
-                     Grouped(run.env_steps_target) + " steps.");
+      if (run.unfinished.empty()) continue;
+      gaps.push_back(line.task + ", " + line.label + ": " + run.unfinished + ".");
     }
     for (const std::int64_t seed : seeds[line.task]) {
       if (there.count(seed) > 0) continue;

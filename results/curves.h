@@ -8,13 +8,9 @@
 #include <vector>
 
 #include "results/database.h"
+#include "results/run_groups.h"
 
 namespace dreamsearch::results {
-
-// Which episodes a curve is of. kEvaluation is the evaluation with the planner
-// where the run has one, else that with the actor alone.
-enum class CurvePhase { kEvaluation, kTraining, kSearchEvaluation, kActorEvaluation };
-CurvePhase ParseCurvePhase(const std::string& name);  // Error 2 for an unknown name
 
 enum class CurveAxis { kSteps, kSeconds, kTransitions };
 CurveAxis ParseCurveAxis(const std::string& name);  // Error 2 for an unknown name
@@ -33,7 +29,7 @@ struct CurveRequest {
 struct RunCurve {
   std::int64_t seed = 0;
   std::string uuid;
-  RunStatus status = RunStatus::kQueued;
+  std::string unfinished;         // Unfinished(run)
   std::int64_t env_steps_done = 0;
   std::int64_t env_steps_target = 0;
   std::vector<double> x;          // of the axis asked for
@@ -44,7 +40,7 @@ struct RunCurve {
 // The runs of one line: one task and everything else in common but the seed.
 struct Line {
   std::string task;
-  std::string label;    // "mcts_pw", with what tells it from others where needed
+  std::string label;    // RunGroup::label
   std::string planner;  // empty for a published line
   bool published = false;
   bool with_search = false;  // phase 1 rather than 2 or 0
@@ -65,12 +61,8 @@ struct LinePoint {
 };
 std::vector<LinePoint> Points(const Line& line);
 
-// Lines by task, then in the order of the paper's planners. A run that is in
-// several databases counts once, by its UUID.
+// The lines of GroupRuns, then the published ones of the same tasks.
 std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databases,
                             const CurveRequest& request);
-
-// The order in which planners are listed and coloured: the paper's four first.
-bool PlannerBefore(const std::string& a, const std::string& b);
 
 }  // namespace dreamsearch::results

@@ -179,6 +179,7 @@ std::vector<std::unique_ptr<Database>> OpenSelected(const Selection& selection) 
 }
 
 bool IsTablePath(const std::string& path) { return !FormOfPath(path).empty(); }
+TableForm FormOfTablePath(const std::string& path) { return ParseTableForm(FormOfPath(path)); }
 
 void PrintTable(const Table& table, const std::string& form, const std::string& out) {
   if (out.empty()) {

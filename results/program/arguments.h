@@ -59,6 +59,7 @@ std::vector<std::unique_ptr<Database>> OpenSelected(const Selection& selection);
 // To the file, by its suffix (.txt, .md, .csv, .json), or to standard output in
 // `form`.
 bool IsTablePath(const std::string& path);
+TableForm FormOfTablePath(const std::string& path);  // of one that is
 void PrintTable(const Table& table, const std::string& form, const std::string& out);
 
 // A whole number of at least `least`; Error 2 otherwise.

@@ -20,7 +20,7 @@ constexpr Command kCommands[] = {
     {"list", "runs, one line each", ListCommand},
     {"show", "all there is to know about one run", ShowCommand},
     {"curves", "learning curves as a picture (SVG, PNG, PDF) or table", CurvesCommand},
-    {"compare", "statistics over tasks and seeds, with intervals", nullptr},
+    {"compare", "statistics over tasks and seeds, with intervals", CompareCommand},
     {"report", "one HTML page with every figure and table", nullptr},
     {"export", "CSV, JSON lines and the formats of published scores", nullptr},
     {"import", "published scores, to be drawn beside ours", nullptr},

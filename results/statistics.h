@@ -1,0 +1,65 @@
+// statistics.h - comparing algorithms over tasks and few seeds, after Agarwal et
+// al. 2021, "Deep reinforcement learning at the edge of the statistical
+// precipice".
+//
+// Scores are normalised: 0 and 1 are the ends of a task's range of returns.
+// Intervals are 95 % percentile intervals of a stratified bootstrap: every
+// repetition draws, for each task independently, as many runs as there are, with
+// replacement. They are a function of the scores and the seed alone, to the bit.
+// With fewer than 3 runs on any task there is no interval.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+namespace dreamsearch::results {
+
+// scores[task][run]. Tasks may differ in their number of runs; none is empty.
+using Scores = std::vector<std::vector<double>>;
+
+// Mean over tasks of the mean over runs.
+double MeanScore(const Scores& scores);
+// Median over tasks of the mean over runs.
+double MedianScore(const Scores& scores);
+// Mean of all N runs' scores, sorted, without the floor(N / 4) at each end.
+double InterquartileMean(const Scores& scores);
+// Mean over all runs of 1 - min(score, 1).
+double OptimalityGap(const Scores& scores);
+// P(X > Y): the mean over tasks of Mann and Whitney's U / (n_X n_Y), a tie being
+// one half. x and y have the same tasks.
+double ImprovementProbability(const Scores& x, const Scores& y);
+// Share of all runs whose score is greater than tau.
+double PerformanceProfile(const Scores& scores, double tau);
+
+// The q-quantile, 0 <= q <= 1, by linear interpolation between order statistics.
+// Reorders the values.
+double Quantile(std::vector<double>* values, double q);
+
+struct Interval {
+  double lo = 0, hi = 0;
+};
+struct Estimate {
+  double value = 0;
+  std::optional<Interval> interval;
+};
+struct Aggregates {
+  Estimate mean, median, interquartile_mean, optimality_gap;
+};
+
+inline constexpr int kBootstrapRepetitions = 50000;
+inline constexpr int kProfileRepetitions = 2000;
+
+Aggregates Aggregate(const Scores& scores, int repetitions, std::uint64_t seed);
+Estimate Improvement(const Scores& x, const Scores& y, int repetitions, std::uint64_t seed);
+// One estimate for each tau.
+std::vector<Estimate> Profile(const Scores& scores, const std::vector<double>& taus,
+                              int repetitions, std::uint64_t seed);
+Estimate InterquartileMeanEstimate(const Scores& scores, int repetitions, std::uint64_t seed);
+
+// Different draws with replacement, order aside: the product over tasks of
+// (2 n - 1 choose n), or infinity where that is more than 10^15. A bootstrap of
+// few of them is coarse.
+double DistinctResamples(const Scores& scores);
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""Checks `results compare` against numpy and scipy.
+
+usage: compare_check.py RESULTS_PROGRAM DATABASE
+
+Reads the episodes with the sqlite3 module, works out every statistic anew and
+compares: point values to 1e-12; intervals, whose draws are others, to the error
+that two bootstraps of so many repetitions may have. Exits 77 without numpy or
+scipy, which CTest reports as skipped.
+"""
+import json
+import sqlite3
+import subprocess
+import sys
+from collections import defaultdict
+
+try:
+    import numpy as np
+    from scipy.stats import mannwhitneyu, trim_mean
+except ImportError as error:
+    print(f"skipped: {error}")
+    sys.exit(77)
+
+program, database = sys.argv[1:3]
+seed_of_check = 12345
+rng = np.random.default_rng(seed_of_check)
+failures = 0
+
+
+def check(what, found, expected, tolerance):
+    global failures
+    if abs(found - expected) > tolerance:
+        failures += 1
+        print(f"{what}: found {found!r}, expected {expected!r} within {tolerance}"
+              f" (seed {seed_of_check})")
+
+
+def scores_of(db):
+    rows = db.execute("""
+        SELECT r.planner, t.name, r.run_id, e.phase, avg((e.episode_return - t.return_low)
+               / (t.return_high - t.return_low))
+        FROM run r JOIN task t USING (task_id) JOIN episode e USING (run_id)
+        WHERE e.phase > 0 AND e.env_step > 0.9 * r.env_steps_target AND r.parent_run_id IS NULL
+        GROUP BY r.run_id, e.phase ORDER BY r.seed""").fetchall()
+    has_search = {run for _, _, run, phase, _ in rows if phase == 1}
+    scores = defaultdict(dict)
+    for planner, task, run, phase, score in rows:
+        if phase == (1 if run in has_search else 2):
+            scores[planner].setdefault(task, []).append(score)
+    return scores
+
+
+def statistics(matrix):
+    """matrix: a list of arrays, one a task."""
+    flat = np.sort(np.concatenate(matrix))
+    means = np.array([runs.mean() for runs in matrix])
+    return {
+        "mean": means.mean(),
+        "median": np.median(means),
+        "interquartile mean": trim_mean(flat, 0.25),
+        "optimality gap": np.mean(1 - np.minimum(flat, 1)),
+    }
+
+
+def improvement(x, y):
+    return np.mean([mannwhitneyu(a, b, method="asymptotic").statistic / (len(a) * len(b))
+                    for a, b in zip(x, y)])
+
+
+def improvement_by_pairs(x, y):
+    return np.mean([np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)) for a, b in zip(x, y)])
+
+
+def resample(matrix):
+    return [rng.choice(runs, len(runs)) for runs in matrix]
+
+
+found = json.loads(subprocess.run(
+    [program, "compare", "--db", database, "--format", "json", "--bootstrap-seed", "5"],
+    check=True, capture_output=True).stdout)
+again = json.loads(subprocess.run(
+    [program, "compare", "--db", database, "--format", "json", "--bootstrap-seed", "5"],
+    check=True, capture_output=True).stdout)
+if found != again:
+    failures += 1
+    print("the same --bootstrap-seed gave other figures")
+
+scores = scores_of(sqlite3.connect(f"file:{database}?mode=ro", uri=True))
+matrices = {planner: [np.array(by_task[task]) for task in found["tasks"]]
+            for planner, by_task in scores.items()}
+repetitions = 2000
+for item in found["planners"]:
+    matrix = matrices[item["planner"]]
+    for task, runs in zip(found["tasks"], matrix):
+        for mine, theirs in zip(item["scores"][task], runs):
+            check(f"score on {task}", mine, theirs, 1e-12)
+    draws = [statistics(resample(matrix)) for _ in range(repetitions)]
+    for name, value in statistics(matrix).items():
+        check(f"{item['planner']} {name}", item[name]["value"], value, 1e-12)
+        values = np.array([draw[name] for draw in draws])
+        # A quantile of R draws is off by about sqrt(q (1 - q) / R) / density; the
+        # tails are thinner than a normal's nowhere here, so 0.08 of the standard
+        # deviation per standard error, and four of them.
+        tolerance = 4 * 0.08 * values.std() + 1e-12
+        for end, q in (("lo", 2.5), ("hi", 97.5)):
+            check(f"{item['planner']} {name} {end}", item[name][end],
+                  np.percentile(values, q), tolerance)
+    flat = np.concatenate(matrix)
+    for tau, estimate in zip(found["taus"], item["profile"]):
+        check(f"{item['planner']} profile at {tau}", estimate["value"], np.mean(flat > tau), 1e-12)
+
+for item in found["improvement"]:
+    x, y = matrices[item["x"]], matrices[item["y"]]
+    check(f"P({item['x']} > {item['y']})", item["value"], improvement(x, y), 1e-12)
+    values = np.array([improvement_by_pairs(resample(x), resample(y)) for _ in range(1000)])
+    tolerance = 4 * 0.12 * values.std() + 1e-12
+    for end, q in (("lo", 2.5), ("hi", 97.5)):
+        check(f"P({item['x']} > {item['y']}) {end}", item[end], np.percentile(values, q), tolerance)
+
+print(f"{failures} differences over {len(found['tasks'])} tasks and"
+      f" {len(found['planners'])} planners")
+sys.exit(1 if failures else 0)
