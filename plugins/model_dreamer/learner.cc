@@ -199,12 +199,23 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
 
 template <typename T>
 void Learner<T>::Gradients(UpdateLosses* losses, const DreamStops<T>* stops) {
+  FitGradients(losses);
+  DreamGradients(losses, stops);
+}
+
+template <typename T>
+void Learner<T>::FitGradients(UpdateLosses* losses) {
   world_.group().Round();
-  behaviour_.Round();
   world_.group().ClearGradient();
+  world_.Fit(batch_, &losses->fit);
+  losses->model_gradient_norm = Norm(world_.group());
+}
+
+template <typename T>
+void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
+  behaviour_.Round();
   behaviour_.actor().ClearGradient();
   behaviour_.value().ClearGradient();
-  world_.Fit(batch_, &losses->fit);
   const auto count = static_cast<Index>(starts_.size());
   const Mat<T> states = start_states_.Shape(settings_.state_size(), count);
   for (Index j = 0; j < count; ++j) {
@@ -217,7 +228,6 @@ void Learner<T>::Gradients(UpdateLosses* losses, const DreamStops<T>* stops) {
   input.action_noise = action_noise_.Shape(a_, count * settings_.horizon);
   input.return_scale = settings_.percentile_return_scale ? std::max(1.0, return_scale_) : 1.0;
   behaviour_.Dream(input, &world_, &losses->dream);
-  losses->model_gradient_norm = Norm(world_.group());
   losses->actor_gradient_norm = Norm(behaviour_.actor());
   losses->value_gradient_norm = Norm(behaviour_.value());
 }

@@ -50,11 +50,13 @@ class Learner {
   // inside a sequence.
   Status Update(const TrainRequest& request, UpdateLosses* losses);
 
-  // Its parts, in order. Read takes the batch and the draws of `seed`; Gradients
-  // may be called again after a parameter has changed, with the dream's constants
-  // held at `stops`.
+  // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients,
+  // the world model's and then the dream's, may be called again after a parameter
+  // has changed, with the dream's constants held at `stops`.
   Status Read(const SequenceBatch& batch, std::uint64_t seed);
   void Gradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
+  void FitGradients(UpdateLosses* losses);
+  void DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
   Status CheckFinite(const UpdateLosses& losses, std::uint64_t update) const;
   void Apply(const UpdateLosses& losses);
 

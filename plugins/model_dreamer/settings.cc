@@ -10,12 +10,16 @@ namespace {
 // [v2] DreamerV2, Hafner et al. 2021; [v3] DreamerV3, Hafner et al. 2023;
 // [ours] chosen here, see README.md.
 constexpr ParameterSpec kParameters[] = {
-    IntParameter("deterministic", 200, 1, 4096, "units",
-                 "Size of the deterministic latent, the GRU's state. [paper]"),
-    IntParameter("stochastic", 30, 1, 1024, "units",
-                 "Size of the stochastic latent, a diagonal Gaussian. [paper]"),
-    IntParameter("hidden", 200, 1, 4096, "units",
-                 "Width of every hidden layer and of the embedding. [paper: the authors' code]"),
+    IntParameter("deterministic", 128, 1, 4096, "units",
+                 "Size of the deterministic latent, the GRU's state. [paper: 200]")
+        .Preset("paper", 200),
+    IntParameter("stochastic", 32, 1, 1024, "units",
+                 "Size of the stochastic latent, a diagonal Gaussian. [paper: 30]")
+        .Preset("paper", 30),
+    IntParameter("hidden", 128, 1, 4096, "units",
+                 "Width of every hidden layer and of the embedding. [paper: 200, the authors' "
+                 "code]")
+        .Preset("paper", 200),
     IntParameter("encoder_layers", 3, 1, 8, "layers",
                  "Layers of the encoder, the last gives the embedding. [dreamer]"),
     IntParameter("decoder_layers", 2, 1, 8, "layers",
@@ -71,8 +75,9 @@ constexpr ParameterSpec kParameters[] = {
         "[v3]")
         .Preset("paper", 0.0),
 
-    IntParameter("horizon", 15, 1, 100, "decisions", "H, the length of a dream. [paper]"),
-    IntParameter("imagination_starts", 256, 0, 1000000, "states",
+    IntParameter("horizon", 12, 1, 100, "decisions", "H, the length of a dream. [paper: 15]")
+        .Preset("paper", 15),
+    IntParameter("imagination_starts", 128, 0, 1000000, "states",
                  "Posterior states of the batch that dreams start from; 0 for all. [ours; paper: "
                  "all]")
         .Preset("paper", 0.0),

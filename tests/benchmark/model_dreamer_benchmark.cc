@@ -1,0 +1,226 @@
+// Time of an update of the model dreamer and of its parts, and of what planners ask,
+// for both presets on a task of walker's size (24 observations, 6 actions).
+//
+//   model_dreamer_benchmark --benchmark_filter=Update
+//
+// GFLOP/s counts two operations a multiply-add of the matrix products; everything
+// else is free in this count. `share` is that rate over the machine's own limit, a
+// large float product of Eigen timed in this process before the first case.
+#include <benchmark/benchmark.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "batches.h"
+#include "plugins/model_dreamer/dreamer.h"
+
+namespace dreamsearch::dreamer {
+namespace {
+
+constexpr Index kObservations = 24;
+constexpr Index kActions = 6;
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// Floating-point operations a second of the best of several large products.
+double MachineLimit() {
+  static const double limit = [] {
+    constexpr Index kSize = 1024;
+    const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
+    const Eigen::MatrixXf b = Eigen::MatrixXf::Random(kSize, kSize);
+    Eigen::MatrixXf c(kSize, kSize);
+    double best = 1e9;
+    for (int i = 0; i < 10; ++i) {
+      const double begin = Now();
+      c.noalias() = a * b;
+      benchmark::DoNotOptimize(c.data());
+      best = std::min(best, Now() - begin);
+    }
+    return 2.0 * kSize * kSize * kSize / best;
+  }();
+  return limit;
+}
+
+// Multiply-adds of one column through each network.
+struct Work {
+  explicit Work(const Settings& s) {
+    const double u = static_cast<double>(s.hidden), d = static_cast<double>(s.deterministic);
+    const double z = static_cast<double>(s.stochastic), o = kObservations, a = kActions;
+    const auto mlp = [&](double in, Index layers, double out) {
+      return in * u + u * u * static_cast<double>(layers - 1) + u * out;
+    };
+    encoder = o * u + u * u * static_cast<double>(s.encoder_layers - 1);
+    dynamics = (z + a) * u + 3 * d * (u + d) + d * u + u * 2 * z;
+    posterior = (d + u) * u + u * 2 * z;
+    decoder = mlp(z + d, s.decoder_layers, o);
+    reward = mlp(z + d, s.reward_layers, 1);
+    actor = mlp(z + d, s.actor_layers, 2 * a);
+    value = mlp(z + d, s.value_layers, 1);
+    slow = s.slow_critic_weight > 0 ? value : 0;
+  }
+  // Forward, gradient of the input and of the weights.
+  double fit() const { return 3 * (encoder + dynamics + posterior + decoder + reward); }
+  // Forward; back to the actions and into the actor; the value's own regression.
+  double dream() const {
+    return (dynamics + reward + value + actor) + (dynamics + reward + value + 2 * actor) +
+           2 * value + slow;
+  }
+  double encoder, dynamics, posterior, decoder, reward, actor, value, slow;
+};
+
+struct Setup {
+  explicit Setup(const std::string& preset, const char* precision)
+      : settings(PresetSettings(preset.c_str())),
+        batch(preset == "paper" ? RandomBatch(50, 50, kObservations, kActions, 3)
+                                : RandomBatch(16, 32, kObservations, kActions, 3)) {
+    settings.bfloat16 = std::string(precision) == "bfloat16";
+    std::fill(batch.discounts.begin(), batch.discounts.end(), 1.0f);
+    columns = static_cast<double>(batch.sequences * batch.length);
+    const double eligible =
+        columns - static_cast<double>(settings.start_skip) * static_cast<double>(batch.sequences);
+    starts = settings.imagination_starts == 0
+                 ? eligible
+                 : std::min(eligible, static_cast<double>(settings.imagination_starts));
+  }
+  double fit_flops() const { return 2 * Work(settings).fit() * columns; }
+  double dream_flops() const {
+    return 2 * Work(settings).dream() * starts * static_cast<double>(settings.horizon);
+  }
+  Settings settings;
+  OwnedBatch batch;
+  double columns = 0;
+  double starts = 0;
+};
+
+void Report(benchmark::State& state, double flops) {
+  using benchmark::Counter;
+  state.counters["GFLOP"] = flops * 1e-9;
+  state.counters["GFLOP/s"] = Counter(flops * 1e-9, Counter::kIsIterationInvariantRate);
+  state.counters["share"] = Counter(flops / MachineLimit(), Counter::kIsIterationInvariantRate);
+}
+
+void LargeProduct(benchmark::State& state) {
+  constexpr Index kSize = 1024;
+  const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
+  const Eigen::MatrixXf b = Eigen::MatrixXf::Random(kSize, kSize);
+  Eigen::MatrixXf c(kSize, kSize);
+  for (auto _ : state) {
+    c.noalias() = a * b;
+    benchmark::DoNotOptimize(c.data());
+  }
+  Report(state, 2.0 * kSize * kSize * kSize);
+}
+BENCHMARK(LargeProduct)->Unit(benchmark::kMillisecond);
+
+void Update(benchmark::State& state, const char* preset, const char* precision) {
+  const Setup setup(preset, precision);
+  Learner<float> learner(setup.settings, kObservations, kActions, 1);
+  UpdateLosses losses;
+  std::uint64_t update = 0;
+  for (auto _ : state) {
+    const Status status = learner.Update({setup.batch.view(), update, update, 0}, &losses);
+    if (!status.ok()) state.SkipWithError(status.message);
+    ++update;
+  }
+  Report(state, setup.fit_flops() + setup.dream_flops());
+}
+BENCHMARK_CAPTURE(Update, fast_bfloat16, "fast", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, fast_float, "fast", "float")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
+
+// The parts of an update, in order: reading and drawing, the world model's fit, the
+// dream, the step of the three groups.
+enum class Part { kRead, kFit, kDream, kApply };
+
+void UpdatePart(benchmark::State& state, const char* preset, const char* precision, Part part) {
+  const Setup setup(preset, precision);
+  Learner<float> learner(setup.settings, kObservations, kActions, 1);
+  UpdateLosses losses;
+  std::uint64_t update = 0;
+  for (auto _ : state) {
+    double seconds[4];
+    double begin = Now();
+    const Status status = learner.Read(setup.batch.view(), update++);
+    if (!status.ok()) state.SkipWithError(status.message);
+    seconds[0] = Now() - begin;
+    begin = Now();
+    learner.FitGradients(&losses);
+    seconds[1] = Now() - begin;
+    begin = Now();
+    learner.DreamGradients(&losses);
+    seconds[2] = Now() - begin;
+    begin = Now();
+    learner.Apply(losses);
+    seconds[3] = Now() - begin;
+    state.SetIterationTime(seconds[static_cast<int>(part)]);
+  }
+  if (part == Part::kFit) Report(state, setup.fit_flops());
+  if (part == Part::kDream) Report(state, setup.dream_flops());
+}
+#define DREAMER_PARTS(preset, precision)                                                         \
+  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_read, #preset, #precision, Part::kRead)   \
+      ->Unit(benchmark::kMillisecond)                                                            \
+      ->UseManualTime();                                                                         \
+  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_fit, #preset, #precision, Part::kFit)     \
+      ->Unit(benchmark::kMillisecond)                                                            \
+      ->UseManualTime();                                                                         \
+  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_dream, #preset, #precision, Part::kDream) \
+      ->Unit(benchmark::kMillisecond)                                                            \
+      ->UseManualTime();                                                                         \
+  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_apply, #preset, #precision, Part::kApply) \
+      ->Unit(benchmark::kMillisecond)                                                            \
+      ->UseManualTime();
+DREAMER_PARTS(fast, bfloat16)
+DREAMER_PARTS(paper, bfloat16)
+#undef DREAMER_PARTS
+
+// What planners ask, at `rows` latents: one transition with its value and one
+// proposed action a latent.
+void Transition(benchmark::State& state, const char* preset) {
+  const Setup setup(preset, "float");
+  Dreamer* model = new Dreamer(setup.settings, kObservations, kActions, 1);
+  const auto rows = static_cast<std::uint64_t>(state.range(0));
+  const std::uint64_t bytes = model->latent_bytes();
+  Buffer<float> memory;
+  const auto floats = static_cast<Index>(rows * bytes / sizeof(float));
+  memory.Reserve(2 * floats);
+  const Latents from{reinterpret_cast<std::byte*>(memory.data()), rows, bytes};
+  const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
+  std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
+  std::uint64_t seed = 0;
+  for (auto _ : state) {
+    bool ok = model
+                  ->Imagine({from, {actions.data(), rows, kActions}, seed},
+                            {to, {rewards.data(), rows}, {discounts.data(), rows}})
+                  .ok();
+    ok &= model->Value(to, {values.data(), rows}).ok();
+    ok &= model->ProposeSamples(to, ++seed, {actions.data(), rows, kActions}).ok();
+    if (!ok) state.SkipWithError("a call failed");
+  }
+  const Work work(setup.settings);
+  Report(state,
+         2 * static_cast<double>(rows) * (work.dynamics + work.reward + work.value + work.actor));
+  model->Destroy();
+}
+BENCHMARK_CAPTURE(Transition, fast, "fast")
+    ->Arg(1)
+    ->Arg(20)
+    ->Arg(150)
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(Transition, paper, "paper")
+    ->Arg(1)
+    ->Arg(20)
+    ->Arg(150)
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace dreamsearch::dreamer
+
+BENCHMARK_MAIN();
