@@ -63,6 +63,16 @@ inline Lane<T> Sigmoid(const Lane<T>& x) {
   return T(1) / (T(1) + (-x).exp());
 }
 
+template <typename T>
+inline Lane<T> EluOf(const Lane<T>& x) {
+  return x.max(T(0)) + (x.min(T(0)).exp() - T(1));
+}
+// elu'(x) from y = elu(x).
+template <typename T>
+inline Lane<T> EluSlope(const Lane<T>& y) {
+  return y.min(T(0)) + T(1);
+}
+
 // Calls kernel(column, row, lanes left) over the lanes of an [rows, cols] matrix.
 template <typename Kernel>
 inline void ForLanes(Index rows, Index cols, Kernel kernel) {
@@ -109,58 +119,57 @@ template <typename T>
 void Elu(Mat<T> x) {
   const Mat<T> flat = Flat(x);
   ForLanes(flat.rows, flat.cols, [&](Index j, Index i, Index n) {
-    const Lane<T> v = Load(flat.col(j) + i, n);
-    Store<T>(v.max(T(0)) + (v.min(T(0)).exp() - T(1)), flat.col(j) + i, n);
+    Store<T>(EluOf<T>(Load(flat.col(j) + i, n)), flat.col(j) + i, n);
   });
 }
 
 template <typename T>
 void EluBackward(In<T> y, Mat<T> d) {
   ForLanes(d.rows, d.cols, [&](Index j, Index i, Index n) {
-    Store<T>(Load(d.col(j) + i, n) * (Load(y.col(j) + i, n).min(T(0)) + T(1)), d.col(j) + i, n);
+    Store<T>(Load(d.col(j) + i, n) * EluSlope<T>(Load(y.col(j) + i, n)), d.col(j) + i, n);
   });
 }
 
 template <typename T>
-void LayerNorm(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse) {
+void LayerNormElu(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse) {
   const T count = static_cast<T>(x.rows);
+  const Index full = x.rows / kLane * kLane;
   for (Index j = 0; j < x.cols; ++j) {
     T* column = x.col(j);
     Lane<T> total = Lane<T>::Zero();
     for (Index i = 0; i < x.rows; i += kLane) total += Load(column + i, x.rows - i);
     const T mean = total.sum() / count;
     Lane<T> squares = Lane<T>::Zero();
-    for (Index i = 0; i < x.rows; i += kLane) {
-      const Index n = x.rows - i;
-      Lane<T> centred = Load(column + i, n) - mean;
-      for (Index k = n; k < kLane; ++k) centred[k] = 0;
-      squares += centred.square();
-    }
-    const T factor = T(1) / std::sqrt(squares.sum() / count + T(1e-5));
+    for (Index i = 0; i < full; i += kLane) squares += (Load(column + i, kLane) - mean).square();
+    T sum = squares.sum();
+    for (Index i = full; i < x.rows; ++i) sum += (column[i] - mean) * (column[i] - mean);
+    const T factor = T(1) / std::sqrt(sum / count + T(1e-5));
     inverse(0, j) = factor;
     for (Index i = 0; i < x.rows; i += kLane) {
       const Index n = x.rows - i;
       const Lane<T> u = (Load(column + i, n) - mean) * factor;
       Store<T>(u, unit.col(j) + i, n);
-      Store<T>(Load(scale + i, n) * u + Load(shift + i, n), column + i, n);
+      Store<T>(EluOf<T>(Load(scale + i, n) * u + Load(shift + i, n)), column + i, n);
     }
   }
 }
 
 template <typename T>
-void LayerNormBackward(const T* scale, In<T> unit, In<T> inverse, Mat<T> d, T* d_scale,
-                       T* d_shift) {
+void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale,
+                          T* d_shift) {
   const T count = static_cast<T>(d.rows);
   for (Index j = 0; j < d.cols; ++j) {
     T* column = d.col(j);
     const T* u = unit.col(j);
+    const T* output = y.col(j);
     Lane<T> sum = Lane<T>::Zero();
     Lane<T> along = Lane<T>::Zero();
     for (Index i = 0; i < d.rows; i += kLane) {
       const Index n = d.rows - i;
-      const Lane<T> raw = Load(column + i, n);
+      const Lane<T> raw = Load(column + i, n) * EluSlope<T>(Load(output + i, n));
       const Lane<T> lane_unit = Load(u + i, n);
       const Lane<T> g = raw * Load(scale + i, n);
+      Store<T>(g, column + i, n);
       sum += g;
       along += g * lane_unit;
       if (d_scale != nullptr) {
@@ -173,8 +182,7 @@ void LayerNormBackward(const T* scale, In<T> unit, In<T> inverse, Mat<T> d, T* d
     const T factor = inverse(0, j);
     for (Index i = 0; i < d.rows; i += kLane) {
       const Index n = d.rows - i;
-      const Lane<T> g = Load(column + i, n) * Load(scale + i, n);
-      Store<T>((g - mean - Load(u + i, n) * projection) * factor, column + i, n);
+      Store<T>((Load(column + i, n) - mean - Load(u + i, n) * projection) * factor, column + i, n);
     }
   }
 }
@@ -422,8 +430,8 @@ void MoveTowards(const T* fast, T rate, Index count, T* slow) {
   template void AddColumnSums<T>(In<T>, T*);                                                       \
   template void Elu<T>(Mat<T>);                                                                    \
   template void EluBackward<T>(In<T>, Mat<T>);                                                     \
-  template void LayerNorm<T>(const T*, const T*, Mat<T>, Mat<T>, Mat<T>);                          \
-  template void LayerNormBackward<T>(const T*, In<T>, In<T>, Mat<T>, T*, T*);                      \
+  template void LayerNormElu<T>(const T*, const T*, Mat<T>, Mat<T>, Mat<T>);                       \
+  template void LayerNormEluBackward<T>(const T*, In<T>, In<T>, In<T>, Mat<T>, T*, T*);            \
   template void GruForward<T>(In<T>, In<T>, In<T>, Mat<T>, Mat<T>);                                \
   template void GruBackward<T>(In<T>, In<T>, In<T>, Mat<T>, Mat<T>, Mat<T>);                       \
   template void GaussianForward<T>(In<T>, In<T>, T, Mat<T>, Mat<T>);                               \

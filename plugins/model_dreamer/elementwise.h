@@ -34,16 +34,17 @@ void Elu(Mat<T> x);
 template <typename T>
 void EluBackward(In<T> y, Mat<T> d);
 
-// Layer normalisation (Ba, Kiros, Hinton 2016), in place: x becomes
-// scale * unit + shift, unit = (x - mean) / sqrt(variance + 1e-5) over the rows.
+// elu of layer normalisation (Ba, Kiros, Hinton 2016), in place: x becomes
+// elu(scale * unit + shift), unit = (x - mean) / sqrt(variance + 1e-5) over the rows.
 // unit: as x; inverse: [1, n], 1 / sqrt(variance + 1e-5).
 template <typename T>
-void LayerNorm(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse);
+void LayerNormElu(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse);
 
-// d, the gradient of the output, becomes that of the input, in place; d_scale
-// and d_shift are added to, unless null.
+// d, the gradient of the output y, becomes that of the input, in place; d_scale and
+// d_shift are added to, unless null.
 template <typename T>
-void LayerNormBackward(const T* scale, In<T> unit, In<T> inverse, Mat<T> d, T* d_scale, T* d_shift);
+void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale,
+                          T* d_shift);
 
 // The gates of a GRU cell in torch's form: with (i_r, i_u, i_n) = input and
 // (h_r, h_u, h_n) = recurrent, both [3D, n],

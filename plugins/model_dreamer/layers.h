@@ -242,20 +242,22 @@ class Activation {
   template <typename T>
   void Forward(const Weights<T>& weights, const ActivationTape<T>& tape) const {
     if (normalised_) {
-      LayerNorm(weights.values + scale_, weights.values + shift_, tape.output, tape.unit,
-                tape.inverse);
+      LayerNormElu(weights.values + scale_, weights.values + shift_, tape.output, tape.unit,
+                   tape.inverse);
+    } else {
+      Elu(tape.output);
     }
-    Elu(tape.output);
   }
   // d becomes the gradient of the pre-activation. gradient may be null.
   template <typename T>
   void Backward(const Weights<T>& weights, const ActivationTape<T>& tape, Mat<T> d,
                 T* gradient) const {
-    EluBackward<T>(tape.output, d);
     if (normalised_) {
-      LayerNormBackward<T>(weights.values + scale_, tape.unit, tape.inverse, d,
-                           gradient == nullptr ? nullptr : gradient + scale_,
-                           gradient == nullptr ? nullptr : gradient + shift_);
+      LayerNormEluBackward<T>(weights.values + scale_, tape.unit, tape.inverse, tape.output, d,
+                              gradient == nullptr ? nullptr : gradient + scale_,
+                              gradient == nullptr ? nullptr : gradient + shift_);
+    } else {
+      EluBackward<T>(tape.output, d);
     }
   }
 

@@ -129,16 +129,17 @@ const std::vector<Layer>& Layers() {
          *d = *ct;
          EluBackward<double>(y, M(d->data(), kR, kN));
        }},
-      {"layer_norm", 2 * kR + kR * kN, kR * kN,
+      {"layer_norm_elu", 2 * kR + kR * kN, kR * kN,
        [](Values* in, Values* out, Values* ct, Values* d) {
          Values unit(kR * kN), inverse(kN);
          std::copy(in->begin() + 2 * kR, in->end(), out->begin());
-         LayerNorm<double>(in->data(), in->data() + kR, M(out->data(), kR, kN),
-                           M(unit.data(), kR, kN), M(inverse.data(), 1, kN));
+         LayerNormElu<double>(in->data(), in->data() + kR, M(out->data(), kR, kN),
+                              M(unit.data(), kR, kN), M(inverse.data(), 1, kN));
          if (d == nullptr) return;
          std::copy(ct->begin(), ct->end(), d->begin() + 2 * kR);
-         LayerNormBackward<double>(in->data(), M(unit.data(), kR, kN), M(inverse.data(), 1, kN),
-                                   M(d->data() + 2 * kR, kR, kN), d->data(), d->data() + kR);
+         LayerNormEluBackward<double>(in->data(), M(unit.data(), kR, kN), M(inverse.data(), 1, kN),
+                                      M(out->data(), kR, kN), M(d->data() + 2 * kR, kR, kN),
+                                      d->data(), d->data() + kR);
        }},
       {"gru", 7 * kR * kN, kR * kN,
        [](Values* in, Values* out, Values* ct, Values* d) {
