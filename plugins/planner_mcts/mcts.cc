@@ -28,6 +28,9 @@ constexpr ParameterSpec kPwParameters[] = {
                   "gets one more (Koul et al. 2020)."),
     RealParameter("widening_exponent", 0.5, 0, 1, "",
                   "alpha in the widening rule (Koul et al. 2020)."),
+    IntParameter("samples_ahead", 4, 1, 1000, "actions",
+                 "Actions sampled together when a node widens; those not needed yet wait for its "
+                 "next widenings. Changes the cost, not the distribution."),
     kC1Parameter,
     kC2Parameter,
     kPuctScaleParameter,
@@ -111,11 +114,16 @@ class Mcts : public TreePlanner {
 };
 
 // Progressive widening (Couetoux et al. 2011): the number of actions at a node grows
-// with its visits.
+// with its visits. Actions are sampled some ahead, because a sample costs an
+// evaluation of the actor at the node's latent, and several cost hardly more.
 class MctsPw final : public Mcts {
  public:
   explicit MctsPw(const PlannerContext& context)
-      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))) {
+      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))),
+        samples_ahead_(static_cast<Index>(context.parameters.GetInt("samples_ahead"))),
+        action_size_(context.action_size),
+        waiting_((simulations() + 1) * samples_ahead_ * action_size_),
+        waiting_count_(simulations() + 1) {
     const double constant = context.parameters.GetReal("widening_constant");
     const double exponent = context.parameters.GetReal("widening_exponent");
     widen_below_.resize(simulations() + 1);
@@ -126,16 +134,42 @@ class MctsPw final : public Mcts {
   }
 
  private:
+  // Samples of the decision before came from other latents.
+  Status BeginSearch() noexcept override {
+    std::fill(waiting_count_.begin(), waiting_count_.end(), 0u);
+    return OkStatus();
+  }
+
   Status ChooseEdge(Index node, Index* edge) noexcept override {
     const Index children = tree_.child_count(node);
     if (children == 0 || children < widen_below_[tree_.visits(node) + tree_.in_flight(node)]) {
-      return AddSampledEdges(node, 1, edge);
+      return Widen(node, edge);
     }
     *edge = BestChild(node);
     return OkStatus();
   }
 
-  std::vector<double> widen_below_;  // by n: C n^alpha
+  // Adds the first of the node's waiting actions, after sampling more if none waits.
+  Status Widen(Index node, Index* edge) noexcept {
+    const MatrixView<double> actions{waiting_.data() + node * samples_ahead_ * action_size_,
+                                     samples_ahead_, action_size_};
+    if (waiting_count_[node] == 0) {
+      Status status = SampleActions(node, tree_.edge_count(), actions);
+      if (!status.ok()) return status;
+      waiting_count_[node] = samples_ahead_;
+    }
+    *edge = tree_.AddEdges(node, 1);
+    std::copy_n(actions.row(samples_ahead_ - waiting_count_[node]).data, action_size_,
+                tree_.actions(*edge, 1).data);
+    --waiting_count_[node];
+    return OkStatus();
+  }
+
+  const Index samples_ahead_;
+  const std::uint64_t action_size_;
+  std::vector<double> widen_below_;   // by n: C n^alpha
+  std::vector<double> waiting_;       // [nodes, samples_ahead, A]
+  std::vector<Index> waiting_count_;  // by node: of the last of its samples
 };
 
 // A fixed number of actions a node, sampled when a simulation first passes through

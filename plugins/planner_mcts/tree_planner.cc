@@ -171,12 +171,16 @@ Status TreePlanner::EvaluatePending() noexcept {
 
 Status TreePlanner::AddSampledEdges(Index node, Index count, Index* first) noexcept {
   *first = tree_.AddEdges(node, count);
-  const MatrixView<double> actions = tree_.actions(*first, count);
-  Status status = model_->ProposeSamples(tree_.latents(node, 1),
-                                         DeriveSeed(DeriveSeed(seed_, kProposal), *first), actions);
+  return SampleActions(node, *first, tree_.actions(*first, count));
+}
+
+Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
+                                  MatrixView<double> actions) noexcept {
+  Status status = model_->ProposeSamples(
+      tree_.latents(node, 1), DeriveSeed(DeriveSeed(seed_, kProposal), stream), actions);
   if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
   if (status.ok() && explore_) {
-    AddExplorationNoise(noise_std_, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), *first),
+    AddExplorationNoise(noise_std_, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),
                         actions);
   }
   return status;

@@ -83,8 +83,10 @@ class TreePlanner : public Planner {
   // The root edge to play after the last simulation; a visited one.
   virtual Index ChoosePlayed() noexcept = 0;
 
-  // Adds `count` children to `node` with actions sampled from the actor, noisy
-  // while exploring.
+  // Samples actions from the actor at `node`, noisy while exploring. The draws follow
+  // from the decision's seed and `stream`.
+  Status SampleActions(Index node, std::uint64_t stream, MatrixView<double> actions) noexcept;
+  // Adds `count` children to `node` with sampled actions.
   Status AddSampledEdges(Index node, Index count, Index* first) noexcept;
   // The visited root edge with the largest Q, the first created of equals.
   Index LargestQ() const noexcept;

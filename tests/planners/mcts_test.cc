@@ -47,7 +47,7 @@ ScriptedModel Numbered(ScriptedModel model) {
 // so it goes through 0.03, which has no children, and adds 0.04 there.
 TEST(MctsPw, VisitCountsOfTheFirstFourSimulations) {
   ScriptedModel model = Numbered(Bandit([](double a) { return a; }, 0));
-  LoadedPlanner planner("mcts_pw", &model, {{"simulations", 4}});
+  LoadedPlanner planner("mcts_pw", &model, {{"simulations", 4}, {"samples_ahead", 1}});
   const Decision decision = planner.Plan(AsLatents(kRoot));
   ASSERT_TRUE(decision.status.ok()) << decision.status.message;
   ASSERT_EQ(decision.tree.size(), 4u);
@@ -141,6 +141,36 @@ TEST(MctsPw, ChildrenNeverExceedTheWideningRule) {
             << "n " << n;
       }
     }
+  }
+}
+
+// The actor is asked for four actions at a time; those that wait are used in order and
+// belong to their node.
+TEST(MctsPw, SamplesAheadWaitForTheirNode) {
+  ScriptedModel model;
+  model.transition = [](const ScriptedState& state, ScriptedModel::Action a) {
+    ScriptedTransition step;
+    step.next.x[0] = 10 * state.x[0] + a[0];
+    step.reward = 1;
+    step.discount = 0.9;
+    return step;
+  };
+  // The action is the state it was sampled at, and the number of the sample.
+  std::map<double, int> asked;
+  model.sample = [&asked](const ScriptedState& state, Random&, View<double> action) {
+    action[0] = state.x[0] + 0.001 * ++asked[state.x[0]];
+  };
+  LoadedPlanner planner("mcts_pw", &model, {{"simulations", 100}, {"samples_ahead", 4}});
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  const std::vector<Edge> root = Children(decision.tree, -1);
+  ASSERT_EQ(root.size(), 10u);
+  for (std::size_t i = 0; i < root.size(); ++i) {
+    EXPECT_DOUBLE_EQ(root[i].a[0], 0.001 * static_cast<double>(i + 1));
+  }
+  EXPECT_EQ(asked[0], 12) << "three times four";
+  for (const Edge& child : Children(decision.tree, 0)) {
+    EXPECT_NEAR(child.a[0], 0.001, 0.0105) << "sampled at the state 0.001";
+    EXPECT_GT(child.a[0], 0.001);
   }
 }
 

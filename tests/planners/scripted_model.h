@@ -1,6 +1,7 @@
 // scripted_model.h - models whose transitions, rewards and values are closed forms.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -177,11 +178,19 @@ struct LinearQuadratic {
     const double next = s + kGain * a;
     return -((1 + kDiscount * P()) * next * next + kEffort * a * a);
   }
-  // Of an action drawn uniformly from [-1, 1]: Q is a parabola of curvature
-  // c = (1 + gamma P) / 4 + 1 / 4 around the best action.
-  static double RandomRegret(double best) {
-    const double c = (1 + kDiscount * P()) * kGain * kGain + kEffort;
-    return c * (1.0 / 3 + best * best);
+  // Mean regret of the best of m actions drawn uniformly from [-1, 1], were their Q
+  // known. Q is a parabola around the best action, so this is its curvature times
+  // E D^2 = integral of 2 d P(D > d)^m, with D the distance of one action from it.
+  static double BestOfRandomRegret(double best, int m) {
+    const double curvature = (1 + kDiscount * P()) * kGain * kGain + kEffort;
+    constexpr int kSteps = 10000;
+    double sum = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      const double d = 2 * (i + 0.5) / kSteps;
+      const double farther = std::max(0.0, 1 + best - d) + std::max(0.0, 1 - best - d);
+      sum += 2 * d * std::pow(farther / 2, m) * (2.0 / kSteps);
+    }
+    return curvature * sum;
   }
 
   // The critic is exact, the actor's mode a poor action.

@@ -1,0 +1,219 @@
+// planner_latency.cc - how long a decision takes with the real networks, at the paper's
+// sizes, against the bound of the machine it runs on.
+//
+//     tests/bin/planner_latency [decisions]
+//
+// Every planner decides on a latent of the Dreamer model (preset `paper`, sizes of
+// walker_walk). Times are CPU time of the thread, the median over decisions; run it on
+// one quiet core. The bounds are measured in the same process:
+//   rollout and shooting  multiply-adds of the networks over the rate of a large
+//                         product;
+//   tree searches         bytes of the weights that one simulation after the other
+//                         must read, over the rate at which an array of that size is
+//                         summed. With leaf batches weights are read once a batch.
+#include <time.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+
+#include "dreamsearch/planning.h"
+#include "planners/loaded_planner.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr std::uint64_t kObservations = 24, kActions = 6;
+
+// Multiply-adds a row at the paper's sizes: deterministic latent and hidden layers
+// 200, stochastic latent 30.
+constexpr double kHidden = 200, kStochastic = 30, kInput = kHidden + kStochastic;
+constexpr double kTransition = (kStochastic + kActions) * kHidden + 6 * kHidden * kHidden +
+                               kHidden * kHidden + kHidden * 2 * kStochastic;
+constexpr double kReward = kInput * kHidden + kHidden * kHidden + kHidden;
+constexpr double kValue = kInput * kHidden + 2 * kHidden * kHidden + kHidden;
+constexpr double kActor = kInput * kHidden + 3 * kHidden * kHidden + kHidden * 2 * kActions;
+
+double Seconds() {
+  timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+template <typename F>
+double MedianSeconds(int repetitions, F f) {
+  std::vector<double> seconds;
+  for (int i = 0; i < repetitions; ++i) {
+    const double begin = Seconds();
+    f();
+    seconds.push_back(Seconds() - begin);
+  }
+  std::nth_element(seconds.begin(), seconds.begin() + repetitions / 2, seconds.end());
+  return seconds[static_cast<std::size_t>(repetitions / 2)];
+}
+
+// Multiply-adds a second of a float product that fills the units.
+double ProductRate() {
+  constexpr int kSize = 384;
+  const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
+  const Eigen::MatrixXf b = Eigen::MatrixXf::Random(kSize, kSize);
+  Eigen::MatrixXf c(kSize, kSize);
+  const double seconds = MedianSeconds(51, [&] { c.noalias() = a * b; });
+  return 1.0 * kSize * kSize * kSize / seconds;
+}
+
+// Bytes a second of reading `bytes` over and over.
+double StreamRate(double bytes) {
+  const Eigen::VectorXf weights = Eigen::VectorXf::Random(static_cast<int>(bytes / 4));
+  float sink = 0;
+  const double seconds = MedianSeconds(201, [&] { sink += weights.sum(); });
+  if (std::isnan(sink)) std::puts("unexpected");
+  return bytes / seconds;
+}
+
+// Counts what a search asks the model for.
+class Counting final : public LatentModel {
+ public:
+  explicit Counting(LatentModel* model) : model_(model) {}
+  std::uint64_t latent_bytes() const noexcept override { return model_->latent_bytes(); }
+  std::uint64_t action_size() const noexcept override { return model_->action_size(); }
+  Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override {
+    macs += static_cast<double>(request.latents.rows) * (kTransition + kReward);
+    weights += kTransition + kReward;
+    transitions += request.latents.rows;
+    return model_->Imagine(request, result);
+  }
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    macs += static_cast<double>(latents.rows) * kValue;
+    weights += kValue;
+    return model_->Value(latents, values);
+  }
+  Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
+    macs += static_cast<double>(latents.rows) * kActor;
+    weights += kActor;
+    return model_->ProposeMode(latents, actions);
+  }
+  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+                        MatrixView<double> actions) noexcept override {
+    macs += static_cast<double>(latents.rows) * kActor;
+    weights += kActor;
+    return model_->ProposeSamples(latents, seed, actions);
+  }
+
+  double macs = 0;     // multiply-adds
+  double weights = 0;  // weights read, once a call
+  std::uint64_t transitions = 0;
+
+ private:
+  LatentModel* model_;
+};
+
+// The values of a preset, where the component declares one.
+std::vector<ParameterValue> ResolvePreset(const ComponentDescriptor& component,
+                                          const char* preset) {
+  std::vector<ParameterValue> values = Resolve(component, {});
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const ParameterSpec& spec = component.parameters[i];
+    for (std::uint32_t j = 0; j < spec.preset_count; ++j) {
+      if (std::strcmp(spec.presets[j].preset, preset) != 0) continue;
+      values[i].number = spec.presets[j].number;
+      if (spec.presets[j].choice != nullptr) values[i].choice = spec.presets[j].choice;
+    }
+  }
+  return values;
+}
+
+struct Row {
+  const char* planner;
+  const char* label;
+  Settings settings;
+};
+
+int Run(int decisions) {
+  const ComponentDescriptor& dreamer = LoadPlugin("model_dreamer").components[0];
+  const std::vector<ParameterValue> values = ResolvePreset(dreamer, "paper");
+  ModelContext context;
+  context.parameters = {{values.data(), values.size()}};
+  context.observation_size = kObservations;
+  context.action_size = kActions;
+  context.action_repeat = 2;
+  context.episode_decisions = 500;
+  context.seed = 1;
+  Model* model = nullptr;
+  if (Status made = dreamer.create_model(context, &model); !made.ok()) {
+    std::fprintf(stderr, "%s\n", made.message);
+    return 70;
+  }
+  LatentBuffer latents(2, model->latent_bytes());
+  std::vector<double> observation(kObservations, 0.1), action(kActions);
+  Status status = model->InitialLatent(latents.row(0));
+  const ObserveRequest observe{.previous = latents.row(0),
+                               .actions = {action.data(), 1, kActions},
+                               .observations = {observation.data(), 1, kObservations}};
+  if (status.ok()) status = model->Observe(observe, latents.row(1));
+  if (!status.ok()) {
+    std::fprintf(stderr, "%s\n", status.message);
+    return 70;
+  }
+
+  const double product_rate = ProductRate();
+  const double stream_rate = StreamRate(4 * (kTransition + kReward + kValue + kActor));
+  std::printf("products %.1f GFLOP/s, weights %.1f GB/s, one thread\n", 2e-9 * product_rate,
+              1e-9 * stream_rate);
+  std::printf("%-28s %10s %10s %8s %12s %8s\n", "planner", "median ms", "bound ms", "ratio",
+              "transitions", "nodes");
+  const std::vector<Row> rows = {
+      {"dreamer", "dreamer", {}},
+      {"rollout", "rollout", {}},
+      {"mcts_pw", "mcts_pw", {}},
+      {"mcts_pw", "mcts_pw leaf_batch=8", {{"leaf_batch", 8}}},
+      {"mcts_fixed", "mcts_fixed", {}},
+      {"mcts_fixed", "mcts_fixed leaf_batch=8", {{"leaf_batch", 8}}},
+      {"mcts_gumbel", "mcts_gumbel", {}},
+      {"mcts_gumbel", "mcts_gumbel leaf_batch=8", {{"leaf_batch", 8}}},
+      {"hoot", "hoot", {}},
+      {"mppi", "mppi", {}},
+      {"random_shooting", "random_shooting", {}},
+      {"cem", "cem", {}},
+  };
+  for (const Row& row : rows) {
+    Counting counting(model);
+    LoadedPlanner planner(row.planner, &counting, row.settings);
+    PlanOptions options{.tree = false};
+    const Decision first = planner.Plan(latents.row(1), options);
+    if (!first.status.ok()) {
+      std::fprintf(stderr, "%s: %s\n", row.label, first.status.message);
+      return 70;
+    }
+    const bool slow = counting.transitions > 5000;
+    counting = Counting(model);
+    const int repetitions = slow ? std::max(3, decisions / 20) : decisions;
+    const double median = MedianSeconds(repetitions, [&] {
+      ++options.seed;
+      static_cast<void>(planner.Plan(latents.row(1), options));
+    });
+    // The larger of the two: no search can be faster than either.
+    const double bound = std::max(counting.macs / product_rate, 4 * counting.weights / stream_rate) /
+                         repetitions;
+    std::printf("%-28s %10.3f %10.3f %8.2f %12llu %8u\n", row.label, 1e3 * median, 1e3 * bound,
+                median / bound,
+                static_cast<unsigned long long>(counting.transitions /
+                                                static_cast<std::uint64_t>(repetitions)),
+                first.result.nodes);
+  }
+  model->Destroy();
+  return 0;
+}
+
+}  // namespace
+}  // namespace dreamsearch
+
+int main(int argc, char** argv) {
+  const int decisions = argc > 1 ? std::atoi(argv[1]) : 100;
+  if (decisions < 1) {
+    std::fprintf(stderr, "usage: planner_latency [decisions]\n");
+    return 2;
+  }
+  return dreamsearch::Run(decisions);
+}
