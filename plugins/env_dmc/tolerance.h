@@ -70,8 +70,11 @@ class Tolerance {
     if (margin_ == 0) return 0;
     const double s = (x < low_ ? low_ - x : x - high_) / margin_ * scale_;
     switch (falloff_) {
-      case Falloff::kGaussian:
-        return std::exp(-0.5 * (s * s));
+      case Falloff::kGaussian: {
+        const double exponent = -0.5 * (s * s);
+        // exp is 0 from here on too, but slow to find out.
+        return exponent < -745.2 ? 0 : std::exp(exponent);
+      }
       case Falloff::kHyperbolic:
         return 1 / std::cosh(s);
       case Falloff::kLongTail:

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <set>
@@ -48,6 +49,14 @@ TEST(Tolerance, WithoutAMarginIsAnIndicator) {
   EXPECT_EQ(tolerance(1 + 1e-16), 1);  // which is 1
   EXPECT_EQ(tolerance(1 + 3e-16), 0);
   EXPECT_EQ(tolerance(-1e-300), 0);
+}
+
+TEST(Tolerance, TheGaussianReachesZeroWhereTheExponentialDoes) {
+  const Tolerance tolerance(0, 0, 1, Falloff::kGaussian, std::exp(-0.5));  // exp(-x^2 / 2)
+  for (double x = 37; x < 40; x += 0.001) {
+    ASSERT_NEAR(tolerance(x), std::exp(-0.5 * (x * x)), 1e-315) << x;
+    ASSERT_EQ(tolerance(x) == 0, std::exp(-0.5 * (x * x)) == 0) << x;
+  }
 }
 
 TEST(Tolerance, RefusesWhatMakesNoSense) {
