@@ -134,9 +134,9 @@ class Oracle final : public Model {
       observations_.resize(rows * observation_size_);
     }
     for (std::uint64_t i = 0; i < rows; ++i) {
-      Status status = Step(request.latents.middle_rows(i, 1), request.actions.row(i),
-                           result.latents.middle_rows(i, 1), &result.rewards[i],
-                           &result.discounts[i]);
+      Status status =
+          Step(request.latents.middle_rows(i, 1), request.actions.row(i),
+               result.latents.middle_rows(i, 1), &result.rewards[i], &result.discounts[i]);
       if (!status.ok()) return status;
       if (behaviour_ != nullptr) {
         std::copy(observation_.begin(), observation_.end(),
@@ -183,8 +183,8 @@ class Oracle final : public Model {
     if (actor_) return behaviour_->ProposeSamples(Gather(latents), seed, actions);
     Random random(seed);
     for (std::uint64_t i = 0; i < actions.size(); ++i) {
-      actions.data[i] = uniform_ ? random.Uniform(-1, 1)
-                                 : std::clamp(proposal_std_ * random.Normal(), -1.0, 1.0);
+      actions.data[i] =
+          uniform_ ? random.Uniform(-1, 1) : std::clamp(proposal_std_ * random.Normal(), -1.0, 1.0);
     }
     return OkStatus();
   }

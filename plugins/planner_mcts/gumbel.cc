@@ -43,9 +43,8 @@ constexpr ParameterSpec kParameters[] = {
 class Gumbel final : public TreePlanner {
  public:
   explicit Gumbel(const PlannerContext& context)
-      : TreePlanner(context,
-                    RootActions(context) + Count(context, "simulations") *
-                                               Count(context, "children")),
+      : TreePlanner(context, RootActions(context) +
+                                 Count(context, "simulations") * Count(context, "children")),
         root_actions_(static_cast<Index>(RootActions(context))),
         children_(static_cast<Index>(Count(context, "children"))),
         c_visit_(context.parameters.GetReal("c_visit")),
@@ -81,8 +80,8 @@ class Gumbel final : public TreePlanner {
   }
 
   Status BeginSearch() noexcept override {
-    Status status = model()->Value(tree_.latents(SearchTree::kRoot, 1),
-                                   tree_.values(SearchTree::kRoot, 1));
+    Status status =
+        model()->Value(tree_.latents(SearchTree::kRoot, 1), tree_.values(SearchTree::kRoot, 1));
     if (!status.ok()) return status;
     status = CheckFinite("a value", tree_.values(SearchTree::kRoot, 1));
     if (!status.ok()) return status;

@@ -37,8 +37,7 @@ constexpr ParameterSpec kParameters[] = {
     IntParameter("split_visits", 1, 1, 1000000, "visits",
                  "A cell at depth h is halved after this times h + 1 simulations through its "
                  "action."),
-    RealParameter("exploration", 1, 0, 1e6, "",
-                  "c in U; 1 is HOO's (Bubeck et al. 2011)."),
+    RealParameter("exploration", 1, 0, 1e6, "", "c in U; 1 is HOO's (Bubeck et al. 2011)."),
     RealParameter("nu", 1, 0, 1e6, "",
                   "nu in U: how much the normalised return may vary over the whole box."),
     RealParameter("alpha", 1, 1e-3, 10, "",
@@ -114,8 +113,7 @@ class Hoot final : public TreePlanner {
         return OkStatus();
       }
       const std::uint64_t component = depth % low_.size();
-      const bool played_is_upper =
-          tree_.actions(played, 1)(0, component) >= Middle(component);
+      const bool played_is_upper = tree_.actions(played, 1)(0, component) >= Middle(component);
       const Index lower = NewCell(played_is_upper ? SearchTree::kNone : played);
       NewCell(played_is_upper ? played : SearchTree::kNone);
       cells_[cell].halves = lower;
@@ -183,12 +181,12 @@ class Hoot final : public TreePlanner {
   const double nu_;
   const double rho_;
   const std::uint64_t max_depth_;
-  std::vector<Cell> cells_;        // of all nodes
-  std::vector<Index> node_cell_;   // by node: its whole box, kNone before the first walk
-  std::vector<double> low_;        // [A]: of the cell the walk is in
-  std::vector<double> high_;       // [A]
+  std::vector<Cell> cells_;       // of all nodes
+  std::vector<Index> node_cell_;  // by node: its whole box, kNone before the first walk
+  std::vector<double> low_;       // [A]: of the cell the walk is in
+  std::vector<double> high_;      // [A]
   Index cell_count_ = 0;
-  Index nodes_with_cells_ = 0;     // entries of node_cell_ in use
+  Index nodes_with_cells_ = 0;  // entries of node_cell_ in use
   double log_n_ = 0;
 };
 

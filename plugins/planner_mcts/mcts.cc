@@ -9,9 +9,8 @@ namespace {
 
 constexpr ParameterSpec kC1Parameter =
     RealParameter("c1", 1.25, 0, 1e6, "", "c1 of the selection rule (Schrittwieser et al. 2020).");
-constexpr ParameterSpec kC2Parameter =
-    RealParameter("c2", 19652, 1e-6, 1e12, "visits",
-                  "c2 of the selection rule (Schrittwieser et al. 2020).");
+constexpr ParameterSpec kC2Parameter = RealParameter(
+    "c2", 19652, 1e-6, 1e12, "visits", "c2 of the selection rule (Schrittwieser et al. 2020).");
 constexpr ParameterSpec kPuctScaleParameter =
     RealParameter("puct_scale", 1, 0, 1e6, "",
                   "Multiplies the exploration term; the paper lists a c_puct of 0.05 and uses it "
@@ -128,8 +127,7 @@ class MctsPw final : public Mcts {
     const double exponent = context.parameters.GetReal("widening_exponent");
     widen_below_.resize(simulations() + 1);
     for (std::uint64_t n = 0; n <= simulations(); ++n) {
-      widen_below_[n] =
-          n == 0 ? 1 : constant * std::pow(static_cast<double>(n), exponent);
+      widen_below_[n] = n == 0 ? 1 : constant * std::pow(static_cast<double>(n), exponent);
     }
   }
 

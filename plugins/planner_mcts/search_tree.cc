@@ -14,8 +14,8 @@ SearchTree::SearchTree(std::uint64_t max_nodes, std::uint64_t max_edges, std::ui
   }
   latents_ = LatentBuffer(max_nodes, latent_bytes);
   for (std::vector<Index>* array :
-       {&node_parent_edge_, &node_first_child_, &node_last_child_, &node_child_count_,
-        &node_depth_, &node_visits_, &node_in_flight_}) {
+       {&node_parent_edge_, &node_first_child_, &node_last_child_, &node_child_count_, &node_depth_,
+        &node_visits_, &node_in_flight_}) {
     array->resize(max_nodes);
   }
   for (std::vector<double>* array :
@@ -208,8 +208,8 @@ Status SearchTree::ForEachArray(Self& self, F f) {
                       &self.node_child_count_, &self.node_depth_, &self.node_visits_}) {
     if (Status status = f(array->data(), nodes * sizeof(Index)); !status.ok()) return status;
   }
-  for (auto* array : {&self.node_return_sum_, &self.node_reward_, &self.node_discount_,
-                      &self.node_value_}) {
+  for (auto* array :
+       {&self.node_return_sum_, &self.node_reward_, &self.node_discount_, &self.node_value_}) {
     if (Status status = f(array->data(), nodes * sizeof(double)); !status.ok()) return status;
   }
   for (auto* array :

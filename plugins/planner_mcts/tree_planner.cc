@@ -176,8 +176,8 @@ Status TreePlanner::AddSampledEdges(Index node, Index count, Index* first) noexc
 
 Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
                                   MatrixView<double> actions) noexcept {
-  Status status = model_->ProposeSamples(
-      tree_.latents(node, 1), DeriveSeed(DeriveSeed(seed_, kProposal), stream), actions);
+  Status status = model_->ProposeSamples(tree_.latents(node, 1),
+                                         DeriveSeed(DeriveSeed(seed_, kProposal), stream), actions);
   if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
   if (status.ok() && explore_) {
     AddExplorationNoise(noise_std_, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),

@@ -19,9 +19,8 @@
 namespace dreamsearch {
 
 // Parameters every tree search declares.
-constexpr ParameterSpec kSimulationsParameter =
-    IntParameter("simulations", 50, 1, 1000000, "simulations",
-                 "Simulations a decision (Koul et al. 2020).");
+constexpr ParameterSpec kSimulationsParameter = IntParameter(
+    "simulations", 50, 1, 1000000, "simulations", "Simulations a decision (Koul et al. 2020).");
 constexpr ParameterSpec kNoiseParameter =
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on every sampled action and on the "

@@ -107,8 +107,8 @@ class Rollout final : public Planner {
     }
 
     std::copy(played_.begin(), played_.end(), result->action.data);
-    result->metrics[kModeDistance] = ActionDistance(
-        {played_.data(), sizes_.action_size}, {mode_.data(), sizes_.action_size});
+    result->metrics[kModeDistance] =
+        ActionDistance({played_.data(), sizes_.action_size}, {mode_.data(), sizes_.action_size});
     result->metrics[kQSpread] = Spread(q);
     result->value = q[best];
     result->simulations = static_cast<std::uint32_t>(batch_);

@@ -56,8 +56,7 @@ class Cem final : public ShootingPlanner {
     for (std::uint64_t k = 0; k < iterations_; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
       Draw(DeriveSeed(seed, 0));
-      Status status =
-          trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(seed, 1));
+      Status status = trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
     }
@@ -83,8 +82,8 @@ class Cem final : public ShootingPlanner {
       const MatrixView<double> actions = trajectories_.actions(t);
       for (std::uint64_t i = 0; i < actions.rows; ++i) {
         for (std::uint64_t j = 0; j < size; ++j) {
-          actions(i, j) = std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(),
-                                     -1.0, 1.0);
+          actions(i, j) =
+              std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(), -1.0, 1.0);
         }
       }
     }

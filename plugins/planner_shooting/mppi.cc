@@ -145,8 +145,8 @@ class Mppi final : public ShootingPlanner {
       const MatrixView<double> actions = trajectories_.actions(t);
       for (std::uint64_t i = actor_candidates_; i < actions.rows; ++i) {
         for (std::uint64_t j = 0; j < size; ++j) {
-          actions(i, j) = std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(),
-                                     -1.0, 1.0);
+          actions(i, j) =
+              std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(), -1.0, 1.0);
         }
       }
     }

@@ -32,8 +32,8 @@ class RandomShooting final : public ShootingPlanner {
       const MatrixView<double> actions = trajectories_.actions(t);
       for (std::uint64_t i = 0; i < actions.size(); ++i) actions.data[i] = random.Uniform(-1, 1);
     }
-    Status status = trajectories_.Imagine(model_, request.root, bootstrap_,
-                                          DeriveSeed(request.seed, kImagine));
+    Status status =
+        trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(request.seed, kImagine));
     if (!status.ok()) return status;
     const std::uint32_t best = trajectories_.Best(1)[0];
     std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);

@@ -22,9 +22,8 @@ constexpr ParameterSpec kPlayedNoiseParameter =
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on the played action while exploring "
                   "(Hafner et al. 2019).");
-constexpr ParameterSpec kBootstrapParameter =
-    BoolParameter("bootstrap", false,
-                  "Add the value of the last imagined latent to the return of a sequence.");
+constexpr ParameterSpec kBootstrapParameter = BoolParameter(
+    "bootstrap", false, "Add the value of the last imagined latent to the return of a sequence.");
 
 // A plan: what a derived class found.
 struct ShootingPlan {

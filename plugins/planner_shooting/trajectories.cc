@@ -38,8 +38,8 @@ Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uin
     status = model->Imagine({from, actions(t).middle_rows(0, rows), DeriveSeed(seed, 2 * t + 1)},
                             {to, {rewards_.data(), rows}, {discounts_.data(), rows}});
     if (!status.ok()) return status;
-    status = model->ProposeSamples(to, DeriveSeed(seed, 2 * t + 2),
-                                   actions(t + 1).middle_rows(0, rows));
+    status =
+        model->ProposeSamples(to, DeriveSeed(seed, 2 * t + 2), actions(t + 1).middle_rows(0, rows));
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = 0; t < horizon_; ++t) {
@@ -55,15 +55,15 @@ Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstr
   for (std::uint64_t t = 0; t < horizon_; ++t) {
     const View<double> rewards{rewards_.data() + t * count_, count_};
     const View<double> discounts{discounts_.data() + t * count_, count_};
-    Status status = model->Imagine(
-        {latents_[t % 2].middle_rows(0, count_), actions(t), DeriveSeed(seed, t)},
-        {latents_[(t + 1) % 2].middle_rows(0, count_), rewards, discounts});
+    Status status =
+        model->Imagine({latents_[t % 2].middle_rows(0, count_), actions(t), DeriveSeed(seed, t)},
+                       {latents_[(t + 1) % 2].middle_rows(0, count_), rewards, discounts});
     if (!status.ok()) return status;
   }
   std::fill(values_.begin(), values_.end(), 0.0);
   if (bootstrap) {
-    Status status = model->Value(latents_[horizon_ % 2].middle_rows(0, count_),
-                                 {values_.data(), count_});
+    Status status =
+        model->Value(latents_[horizon_ % 2].middle_rows(0, count_), {values_.data(), count_});
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = horizon_; t-- > 0;) {

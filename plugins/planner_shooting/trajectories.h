@@ -52,12 +52,12 @@ class Trajectories {
   const std::uint64_t count_;
   const std::uint64_t horizon_;
   const std::uint64_t action_size_;
-  LatentBuffer latents_[2];          // [N], transitions go from one to the other
-  std::vector<double> actions_;      // [H, N, A]
-  std::vector<double> rewards_;      // [H, N]
-  std::vector<double> discounts_;    // [H, N]
-  std::vector<double> values_;       // [N], of the last latents
-  std::vector<double> returns_;      // [H, N]: from transition t on
+  LatentBuffer latents_[2];           // [N], transitions go from one to the other
+  std::vector<double> actions_;       // [H, N, A]
+  std::vector<double> rewards_;       // [H, N]
+  std::vector<double> discounts_;     // [H, N]
+  std::vector<double> values_;        // [N], of the last latents
+  std::vector<double> returns_;       // [H, N]: from transition t on
   std::vector<std::uint32_t> order_;  // [N]
 };
 

@@ -194,8 +194,8 @@ int Run(int decisions) {
       static_cast<void>(planner.Plan(latents.row(1), options));
     });
     // The larger of the two: no search can be faster than either.
-    const double bound = std::max(counting.macs / product_rate, 4 * counting.weights / stream_rate) /
-                         repetitions;
+    const double bound =
+        std::max(counting.macs / product_rate, 4 * counting.weights / stream_rate) / repetitions;
     std::printf("%-28s %10.3f %10.3f %8.2f %12llu %8u\n", row.label, 1e3 * median, 1e3 * bound,
                 median / bound,
                 static_cast<unsigned long long>(counting.transitions /

@@ -187,9 +187,9 @@ class LoadedOracle {
   };
   Transition Imagine(std::uint64_t from, const std::vector<double>& action, std::uint64_t to) {
     Transition transition;
-    const Status imagined = model_->Imagine(
-        {latent(from), {action.data(), 1, action.size()}, 1},
-        {latent(to), {&transition.reward, 1}, {&transition.discount, 1}});
+    const Status imagined =
+        model_->Imagine({latent(from), {action.data(), 1, action.size()}, 1},
+                        {latent(to), {&transition.reward, 1}, {&transition.discount, 1}});
     if (!imagined.ok()) throw std::runtime_error(imagined.message);
     return transition;
   }
@@ -289,8 +289,8 @@ TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
   }
   constexpr int kSamples = 20000;
   for (const bool gaussian : {false, true}) {
-    LoadedOracle oracle(&environment, {{"proposal", gaussian ? "gaussian" : "uniform"},
-                                       {"proposal_std", 0.1}});
+    LoadedOracle oracle(&environment,
+                        {{"proposal", gaussian ? "gaussian" : "uniform"}, {"proposal_std", 0.1}});
     oracle.Observe(0, AsBytes({0, 1}), {&zero, 1});
     std::vector<double> samples(kSamples);
     ASSERT_TRUE(
@@ -340,21 +340,18 @@ TEST(Oracle, ABatchEqualsItsRows) {
   }
   const std::vector<double> actions = {0.5, -0.5, 1};
   double rewards[3], discounts[3];
-  ASSERT_TRUE(oracle
-                  ->Imagine({{oracle.latent(0).data, 3, oracle->latent_bytes()},
-                             {actions.data(), 3, 1},
-                             1},
-                            {{oracle.latent(10).data, 3, oracle->latent_bytes()},
-                             {rewards, 3},
-                             {discounts, 3}})
-                  .ok());
+  ASSERT_TRUE(
+      oracle
+          ->Imagine(
+              {{oracle.latent(0).data, 3, oracle->latent_bytes()}, {actions.data(), 3, 1}, 1},
+              {{oracle.latent(10).data, 3, oracle->latent_bytes()}, {rewards, 3}, {discounts, 3}})
+          .ok());
   for (std::uint64_t i = 0; i < 3; ++i) {
     const auto alone = oracle.Imagine(i, {actions[i]}, 20);
     EXPECT_EQ(alone.reward, rewards[i]);
     EXPECT_EQ(alone.discount, discounts[i]);
-    EXPECT_EQ(std::memcmp(oracle.latent(20).data, oracle.latent(10 + i).data,
-                          oracle->latent_bytes()),
-              0);
+    EXPECT_EQ(
+        std::memcmp(oracle.latent(20).data, oracle.latent(10 + i).data, oracle->latent_bytes()), 0);
   }
 }
 

@@ -79,7 +79,8 @@ TEST_P(EveryPlanner, ReturnsAFiniteActionInItsBounds) {
   LoadedPlanner planner(*GetParam(), &model);
   const ScriptedState root = Start();
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    const Decision decision = planner.Plan(AsLatents(root), {.explore = seed % 2 == 1, .seed = seed});
+    const Decision decision =
+        planner.Plan(AsLatents(root), {.explore = seed % 2 == 1, .seed = seed});
     ASSERT_TRUE(decision.status.ok()) << decision.status.message;
     for (const double a : decision.action) EXPECT_LE(std::abs(a), 1);
     for (const double metric : decision.metrics) EXPECT_TRUE(std::isfinite(metric));
@@ -114,9 +115,9 @@ TEST_P(EveryPlanner, NearsTheOptimumOfTheLinearQuadraticProblem) {
     ASSERT_TRUE(planner->BeginEpisode(&model).ok());
     const Decision decision = planner.Plan(AsLatents(root), {.seed = seed, .tree = false});
     ASSERT_TRUE(decision.status.ok());
-    regret += (LinearQuadratic::Q(root.x[0], best) -
-               LinearQuadratic::Q(root.x[0], decision.action[0])) /
-              kDecisions;
+    regret +=
+        (LinearQuadratic::Q(root.x[0], best) - LinearQuadratic::Q(root.x[0], decision.action[0])) /
+        kDecisions;
   }
   const double bound = LinearQuadratic::BestOfRandomRegret(best, 3);
   std::printf("regret %.5f; of a random action %.5f, of the best of three %.5f\n", regret,
@@ -290,10 +291,10 @@ TEST_P(EveryPlanner, RefusesCutSavedBytes) {
 TEST_P(EveryPlanner, RefusesToPlanBeforeAnEpisode) {
   const std::vector<ParameterValue> values = Resolve(*GetParam(), {});
   Planner* planner = nullptr;
-  ASSERT_TRUE(GetParam()
-                  ->create_planner({{{values.data(), values.size()}}, 1, sizeof(ScriptedState)},
-                                   &planner)
-                  .ok());
+  ASSERT_TRUE(
+      GetParam()
+          ->create_planner({{{values.data(), values.size()}}, 1, sizeof(ScriptedState)}, &planner)
+          .ok());
   PlanRequest request;
   PlanResult result;
   EXPECT_EQ(planner->Plan(request, &result).code, StatusCode::kFailedPrecondition);
@@ -365,8 +366,8 @@ TEST_P(EveryPlanner, PassesOnAnErrorOfTheModelAndLeavesTheResultUnset) {
 }
 
 TEST_P(EveryPlanner, ReportsNumbersThatAreNotFinite) {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(),
-                           std::numeric_limits<double>::infinity()}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     {
       ScriptedModel model = Drift();
       model.value = [bad](const ScriptedState&) { return bad; };

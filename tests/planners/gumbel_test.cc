@@ -100,9 +100,9 @@ TEST(Gumbel, NoiseIsForExplorationOnly) {
 // Below the root pi' decides: with c_scale 0 it is uniform, and visits are even.
 TEST(Gumbel, UniformImprovedPolicyVisitsEvenly) {
   ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
-  LoadedPlanner planner("mcts_gumbel", &model,
-                        {{"simulations", 41}, {"root_actions", 1}, {"children", 8},
-                         {"c_scale", 0.0}});
+  LoadedPlanner planner(
+      "mcts_gumbel", &model,
+      {{"simulations", 41}, {"root_actions", 1}, {"children", 8}, {"c_scale", 0.0}});
   const Decision decision = planner.Plan(AsLatents(kRoot));
   int children = 0;
   for (const Edge& edge : decision.tree) {

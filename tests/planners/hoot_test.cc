@@ -59,9 +59,9 @@ TEST(Hoot, CellsAreHalvedAfterTheirVisits) {
 TEST(Hoot, ExplorationSpreadsTheVisits) {
   const auto visits = [](double c) {
     ScriptedModel model = Bandit([](double a) { return a; }, 0);
-    LoadedPlanner planner("hoot", &model,
-                          {{"exploration", c}, {"nu", 0.0}, {"split_visits", 1000},
-                           {"simulations", 3000}});
+    LoadedPlanner planner(
+        "hoot", &model,
+        {{"exploration", c}, {"nu", 0.0}, {"split_visits", 1000}, {"simulations", 3000}});
     const std::vector<Edge> edges = RootEdges(planner.Plan(AsLatents(kRoot)));
     EXPECT_EQ(edges.size(), 2u);
     return edges[1].visits;

@@ -15,8 +15,7 @@ namespace dreamsearch {
 
 struct Setting {
   template <typename Number>
-    requires std::is_arithmetic_v<Number>
-  Setting(const char* setting_name, Number value)
+  requires std::is_arithmetic_v<Number> Setting(const char* setting_name, Number value)
       : name(setting_name), number(static_cast<double>(value)) {}
   Setting(const char* setting_name, const char* value) : name(setting_name), choice(value) {}
   const char* name;
@@ -36,7 +35,8 @@ inline const PluginDescriptor& LoadPlugin(const std::string& file) {
 
 inline std::vector<const ComponentDescriptor*> AllPlanners() {
   std::vector<const ComponentDescriptor*> planners;
-  for (const char* file : {"planner_dreamer", "planner_rollout", "planner_mcts", "planner_shooting"}) {
+  for (const char* file :
+       {"planner_dreamer", "planner_rollout", "planner_mcts", "planner_shooting"}) {
     for (const ComponentDescriptor& component : LoadPlugin(file).components) {
       planners.push_back(&component);
     }

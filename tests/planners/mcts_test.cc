@@ -125,10 +125,9 @@ TEST(MctsPw, ChildrenNeverExceedTheWideningRule) {
   for (const double constant : {0.5, 1.0, 3.0}) {
     for (const double exponent : {0.0, 0.25, 0.5, 0.75, 1.0}) {
       ScriptedModel model = Bandit([](double a) { return std::cos(3 * a); }, 0.9);
-      LoadedPlanner planner("mcts_pw", &model,
-                            {{"simulations", 300},
-                             {"widening_constant", constant},
-                             {"widening_exponent", exponent}});
+      LoadedPlanner planner(
+          "mcts_pw", &model,
+          {{"simulations", 300}, {"widening_constant", constant}, {"widening_exponent", exponent}});
       const Decision decision = planner.Plan(AsLatents(kRoot));
       for (std::int64_t node = -1; node < static_cast<std::int64_t>(decision.tree.size()); ++node) {
         const double n = static_cast<double>(VisitsBelow(decision.tree, node));
@@ -177,10 +176,9 @@ TEST(MctsPw, SamplesAheadWaitForTheirNode) {
 TEST(MctsPw, ConstantAndExponentWidenTheRoot) {
   ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
   const auto root_children = [&model](double constant, double exponent) {
-    LoadedPlanner planner("mcts_pw", &model,
-                          {{"simulations", 100},
-                           {"widening_constant", constant},
-                           {"widening_exponent", exponent}});
+    LoadedPlanner planner(
+        "mcts_pw", &model,
+        {{"simulations", 100}, {"widening_constant", constant}, {"widening_exponent", exponent}});
     return Children(planner.Plan(AsLatents(kRoot)).tree, -1).size();
   };
   EXPECT_EQ(root_children(1, 0.5), 10u);
@@ -233,8 +231,8 @@ TEST(Mcts, RewardsOnTheSearchPathDecide) {
   for (const char* name : {"mcts_pw", "mcts_fixed"}) {
     const double with = MeanRegret(name, {});
     const double without = MeanRegret(name, {{"edge_reward", 0.0}});
-    std::printf("%s: regret %.4f with the edge's reward, %.4f without (random: %.4f)\n", name,
-                with, without, kRandomRegret);
+    std::printf("%s: regret %.4f with the edge's reward, %.4f without (random: %.4f)\n", name, with,
+                without, kRandomRegret);
     EXPECT_LT(with, kRandomRegret / 4);
     EXPECT_GT(without, kRandomRegret * 3 / 4);
   }

@@ -164,9 +164,9 @@ TEST(Rollout, ExactCriticGivesExactValues) {
 
 TEST(Rollout, RefusesNoCandidates) {
   ScriptedModel model = Counter(1);
-  EXPECT_THROW(LoadedPlanner("rollout", &model,
-                             {{"actor_candidates", 0}, {"uniform_candidates", 0}}),
-               std::runtime_error);
+  EXPECT_THROW(
+      LoadedPlanner("rollout", &model, {{"actor_candidates", 0}, {"uniform_candidates", 0}}),
+      std::runtime_error);
 }
 
 }  // namespace

@@ -39,10 +39,10 @@ class ScriptedModel : public LatentModel {
   std::uint64_t actions = 1;  // A
   std::function<ScriptedTransition(const ScriptedState&, Action)> transition;
   std::function<double(const ScriptedState&)> value = [](const ScriptedState&) { return 0.0; };
-  std::function<void(const ScriptedState&, View<double>)> mode =
-      [](const ScriptedState&, View<double> action) {
-        for (double& a : action) a = 0;
-      };
+  std::function<void(const ScriptedState&, View<double>)> mode = [](const ScriptedState&,
+                                                                    View<double> action) {
+    for (double& a : action) a = 0;
+  };
   std::function<void(const ScriptedState&, Random&, View<double>)> sample =
       [](const ScriptedState&, Random& random, View<double> action) {
         for (double& a : action) a = random.Uniform(-1, 1);
@@ -66,8 +66,7 @@ class ScriptedModel : public LatentModel {
     if (Fails()) return failure;
     ++imagine_calls;
     for (std::uint64_t i = 0; i < request.latents.rows; ++i) {
-      const ScriptedTransition step =
-          transition(State(request.latents, i), request.actions.row(i));
+      const ScriptedTransition step = transition(State(request.latents, i), request.actions.row(i));
       std::memcpy(result.latents.row(i).data, &step.next, sizeof step.next);
       result.rewards[i] = step.reward;
       result.discounts[i] = step.discount;
@@ -157,7 +156,7 @@ struct Chain {
 //     Q(s, a) = -((1 + gamma P) s'^2 + a^2 / 4),   maximal over a at a = -K s.
 struct LinearQuadratic {
   static constexpr double kDiscount = 0.95;
-  static constexpr double kGain = 0.5;    // of the action
+  static constexpr double kGain = 0.5;     // of the action
   static constexpr double kEffort = 0.25;  // price of a^2
   static constexpr double kStart = 0.5;
 

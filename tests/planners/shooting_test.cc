@@ -105,8 +105,8 @@ TEST(Cem, RefitsToTheElites) {
 // near the optimum is flat, so a tenth of the candidates span a tenth of it).
 TEST(Cem, ConvergesOnAQuadratic) {
   for (const double optimum : {-0.9, 0.0, 0.5}) {
-    ScriptedModel model = Bandit(
-        [optimum](double a) { return -(a - optimum) * (a - optimum); }, 0.99);
+    ScriptedModel model =
+        Bandit([optimum](double a) { return -(a - optimum) * (a - optimum); }, 0.99);
     LoadedPlanner planner("cem", &model, {{"horizon", 2}});
     EXPECT_NEAR(planner.Plan(AsLatents(kRoot)).action[0], optimum, 1e-3);
   }
@@ -169,8 +169,11 @@ TEST(Mppi, SomeCandidatesFollowTheActor) {
 // gains from three times over while it moves up does not.
 TEST(Mppi, StartsFromTheLastPlanShiftedByOne) {
   ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
-  const Settings settings = {{"max_std", 1e-3}, {"min_std", 0.0}, {"iterations", 1},
-                             {"actor_candidates", 0}, {"play", "mean"}};
+  const Settings settings = {{"max_std", 1e-3},
+                             {"min_std", 0.0},
+                             {"iterations", 1},
+                             {"actor_candidates", 0},
+                             {"play", "mean"}};
   const auto drift = [&](Settings more) {
     more.insert(more.end(), settings.begin(), settings.end());
     LoadedPlanner planner("mppi", &model, more);

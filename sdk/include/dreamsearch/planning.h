@@ -30,7 +30,7 @@ class LatentBuffer {
       throw std::length_error("the latents do not fit the address space");
     }
     data_.reset(static_cast<std::byte*>(
-        ::operator new(rows * latent_bytes, std::align_val_t{kLatentAlignment})));
+        ::operator new (rows* latent_bytes, std::align_val_t{kLatentAlignment})));
   }
 
   std::uint64_t rows() const noexcept { return rows_; }
@@ -48,7 +48,7 @@ class LatentBuffer {
  private:
   struct Free {
     void operator()(std::byte* data) const noexcept {
-      ::operator delete(data, std::align_val_t{kLatentAlignment});
+      ::operator delete (data, std::align_val_t{kLatentAlignment});
     }
   };
   std::unique_ptr<std::byte, Free> data_;
@@ -104,8 +104,7 @@ inline Status CheckPlan(const PlannerSizes& sizes, const LatentModel* model,
   }
   if (result == nullptr) return Error(StatusCode::kInvalidArgument, "the result is null");
   if (request.root.rows != 1 || request.root.cols != sizes.latent_bytes) {
-    return Error(StatusCode::kInvalidArgument,
-                 "the root is [%llu, %llu] bytes, expected [1, %llu]",
+    return Error(StatusCode::kInvalidArgument, "the root is [%llu, %llu] bytes, expected [1, %llu]",
                  static_cast<unsigned long long>(request.root.rows),
                  static_cast<unsigned long long>(request.root.cols),
                  static_cast<unsigned long long>(sizes.latent_bytes));
