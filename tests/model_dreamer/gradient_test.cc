@@ -340,16 +340,25 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
   UpdateLosses losses;
   learner.Gradients(&losses);
   const DreamStops<double> stops = learner.behaviour().Stops();
+  // The model's parameters are differenced through the fit, the others through the
+  // dream, from the posterior states of the fit above.
+  const auto fit = [&] {
+    learner.FitGradients(&losses);
+    return losses.fit.total;
+  };
+  const auto dream = [&](const double* loss) {
+    learner.DreamGradients(&losses, &stops);
+    return *loss;
+  };
   const struct {
     ParameterGroup<double>* group;
     std::function<double()> loss;
   } groups[] = {
-      {&learner.world().group(), [&] { return losses.fit.total; }},
-      {&learner.behaviour().actor(), [&] { return losses.dream.actor; }},
-      {&learner.behaviour().value(), [&] { return losses.dream.value; }},
+      {&learner.behaviour().actor(), [&] { return dream(&losses.dream.actor); }},
+      {&learner.behaviour().value(), [&] { return dream(&losses.dream.value); }},
+      {&learner.world().group(), fit},
   };
-  // Copies first: every Gradients call overwrites them. The losses of actor and
-  // value are differences at fixed starts, which a change of theirs leaves alone.
+  // Copies first: every call overwrites them.
   std::vector<Values> gradients;
   for (const auto& item : groups) {
     gradients.emplace_back(item.group->gradient(), item.group->gradient() + item.group->size());
@@ -366,10 +375,8 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
         double& value = group.values()[i];
         const double kept = value;
         value = kept + kStep;
-        learner.Gradients(&losses, &stops);
         const double above = groups[g].loss();
         value = kept - kStep;
-        learner.Gradients(&losses, &stops);
         const double below = groups[g].loss();
         value = kept;
         const double difference = (above - below) / (2 * kStep);
