@@ -26,7 +26,8 @@ class ActivityClock {
  public:
   using Seconds = std::array<double, kActivities>;
 
-  ActivityClock() : since_(Now()) {}
+  // Time before `since`, a moment of Now(), is not charged.
+  explicit ActivityClock(double since) : since_(since) {}
 
   // Charges the time since the last switch to the activity under way, and goes on
   // with `next`. Returns the activity that was under way.

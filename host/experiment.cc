@@ -57,6 +57,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
       eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
+      clock_(options.segment_started),
       observation_(environment_->spec().observation_size),
       action_(environment_->spec().action_size),
       episode_metrics_(components_.planner().metrics.size),
@@ -146,6 +147,7 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
     throw;
   }
   WriteCheckpoint(false);
+  RecordTimeUse();  // again, with the checkpoint's own time
   Watch("finished");
   return Outcome::kFinished;
 }

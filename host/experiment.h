@@ -46,6 +46,7 @@ class Experiment {
   struct Options {
     std::uint32_t threads = 1;
     bool log_decisions = false;
+    double segment_started = ActivityClock::Now();  // from when wall time is accounted
     std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };
   // Called often, at least once a decision and once an update.

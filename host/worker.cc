@@ -137,6 +137,7 @@ int Work(const WorkerJob& job) {
                                       : results::ResumePoint());
 
   Experiment::Options options;
+  options.segment_started = ActivityClock::Now();
   options.threads = job.threads;
   options.log_decisions = job.log_decisions;
   options.checkpoint_header = CheckpointHeader(job.spec);

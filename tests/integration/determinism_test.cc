@@ -1,0 +1,91 @@
+// Equal commands give equal digests, whatever interrupts them.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <thread>
+
+#include "program.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr char kDigests[] =
+    "select group_concat(result_digest) from (select result_digest from run where status = "
+    "'finished' order by planner, seed)";
+
+// Waits until the first run has recorded a decision past `env_step`.
+bool WaitForStep(const Workplace& place, const std::string& db, int env_step) {
+  for (int i = 0; i < 2000; ++i) {
+    const std::string done = place.Value(db, "select max(env_step) from step");
+    if (!done.empty() && done != "NULL" && std::stoi(done) >= env_step) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+class DeterminismTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    place_ = new Workplace;
+    const ProgramResult result = place_->Runner(Arguments("reference.db", "2"));
+    ASSERT_EQ(result.exit_status, 0) << result.err;
+    reference_ = place_->Value("reference.db", kDigests);
+    ASSERT_EQ(reference_.size(), 4 * 64 + 3u) << reference_;
+  }
+  static void TearDownTestSuite() { delete place_; }
+
+  static std::vector<std::string> Arguments(const std::string& db, const std::string& jobs) {
+    return TinyRun("walker_walk", "dreamer,mcts_pw", db, {"--seeds", "2", "--jobs", jobs});
+  }
+
+  static Workplace* place_;
+  static std::string reference_;
+};
+Workplace* DeterminismTest::place_ = nullptr;
+std::string DeterminismTest::reference_;
+
+TEST_F(DeterminismTest, AnotherDatabaseAndOneJobGiveTheSameDigests) {
+  const ProgramResult result = place_->Runner(Arguments("one.db", "1"));
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(place_->Value("one.db", kDigests), reference_);
+}
+
+TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
+  const pid_t pid = place_->Start(Arguments("stopped.db", "1"));
+  ASSERT_TRUE(WaitForStep(*place_, "stopped.db", 1100));
+  ::kill(pid, SIGINT);
+  const ProgramResult stopped = place_->Wait(pid);
+  EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
+  EXPECT_NE(stopped.err.find("resume --db"), std::string::npos) << stopped.err;
+  EXPECT_EQ(place_->Value("stopped.db", "select count(*) from run where status = 'interrupted'"),
+            "1");
+  const ProgramResult resumed = place_->Runner({"resume", "--db", "stopped.db", "--jobs", "2"});
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
+  EXPECT_EQ(place_->Value("stopped.db", kDigests), reference_);
+  EXPECT_EQ(place_->Value("stopped.db", "select max(n) from (select count(*) as n from segment "
+                                        "group by run_id)"),
+            "2");
+  EXPECT_EQ(place_->Value("stopped.db", "select count(*) from step"), "8000");
+}
+
+TEST_F(DeterminismTest, WorkersKilledAtAnyMomentAndResumedGiveTheSameDigest) {
+  const std::string kill_workers = "pkill -KILL -P ";
+  for (const int env_step : {500, 1500, 2600, 3500}) {
+    const pid_t pid = place_->Start(Arguments("killed.db", "1"));
+    if (WaitForStep(*place_, "killed.db", env_step)) {
+      // The supervisor outlives its worker and says what happened.
+      ASSERT_EQ(std::system((kill_workers + std::to_string(pid)).c_str()), 0);
+    }
+    ::kill(pid, SIGINT);
+    place_->Wait(pid);
+  }
+  const ProgramResult resumed = place_->Runner(Arguments("killed.db", "2"));
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
+  EXPECT_EQ(place_->Value("killed.db", kDigests), reference_);
+  EXPECT_EQ(place_->Value("killed.db", "select count(*) from step"), "8000");
+}
+
+}  // namespace
+}  // namespace dreamsearch

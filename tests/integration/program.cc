@@ -1,0 +1,108 @@
+#include "program.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sqlite3.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace dreamsearch {
+namespace {
+
+std::string Read(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+}  // namespace
+
+Workplace::Workplace() {
+  std::string name = (std::filesystem::temp_directory_path() / "dreamsearch_XXXXXX").string();
+  folder_ = ::mkdtemp(name.data());
+}
+
+Workplace::~Workplace() { std::filesystem::remove_all(folder_); }
+
+pid_t Workplace::Start(const std::vector<std::string>& arguments) const {
+  const pid_t pid = ::fork();
+  if (pid != 0) return pid;
+  if (::chdir(folder_.c_str()) != 0) ::_exit(120);
+  const std::string suffix = "." + std::to_string(::getpid());
+  ::dup2(::open("/dev/null", O_RDONLY), 0);
+  ::dup2(::open(("out" + suffix).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 1);
+  ::dup2(::open(("err" + suffix).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 2);
+  const std::string program = std::string(DREAMSEARCH_TEST_BIN_DIR) + "/runner";
+  std::vector<char*> argv = {const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  ::execv(program.c_str(), argv.data());
+  ::_exit(121);
+}
+
+ProgramResult Workplace::Wait(pid_t pid) const {
+  int status = 0;
+  ::waitpid(pid, &status, 0);
+  ProgramResult result;
+  result.exit_status = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+  result.out = Read(folder_ / ("out." + std::to_string(pid)));
+  result.err = Read(folder_ / ("err." + std::to_string(pid)));
+  std::filesystem::remove(folder_ / ("out." + std::to_string(pid)));
+  std::filesystem::remove(folder_ / ("err." + std::to_string(pid)));
+  return result;
+}
+
+ProgramResult Workplace::Runner(const std::vector<std::string>& arguments) const {
+  return Wait(Start(arguments));
+}
+
+std::vector<std::string> Workplace::Query(const std::string& db, const std::string& sql) const {
+  sqlite3* connection = nullptr;
+  std::vector<std::string> rows;
+  if (::sqlite3_open_v2(Path(db).c_str(), &connection, SQLITE_OPEN_READWRITE, nullptr) ==
+      SQLITE_OK) {
+    ::sqlite3_busy_timeout(connection, 10000);
+    sqlite3_stmt* statement = nullptr;
+    ::sqlite3_prepare_v2(connection, sql.c_str(), -1, &statement, nullptr);
+    while (statement != nullptr && ::sqlite3_step(statement) == SQLITE_ROW) {
+      std::string row;
+      for (int i = 0; i < ::sqlite3_column_count(statement); ++i) {
+        const auto* text = reinterpret_cast<const char*>(::sqlite3_column_text(statement, i));
+        row += (i == 0 ? "" : "|") + std::string(text != nullptr ? text : "NULL");
+      }
+      rows.push_back(row);
+    }
+    ::sqlite3_finalize(statement);
+  }
+  ::sqlite3_close(connection);
+  return rows;
+}
+
+std::string Workplace::Value(const std::string& db, const std::string& sql) const {
+  const std::vector<std::string> rows = Query(db, sql);
+  return rows.empty() ? "" : rows[0];
+}
+
+std::vector<std::string> TinyRun(const std::string& environment, const std::string& planner,
+                                 const std::string& db, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments = {"--env", environment, "--planner", planner, "--db", db,
+                                        "--steps", "4000"};
+  for (const char* setting :
+       {"run.prefill_steps=1000", "run.pretrain_updates=4", "run.train_every=250",
+        "run.batch_size=4", "run.sequence_length=8", "run.eval_episodes=1", "run.eval_every=2000",
+        "run.checkpoint_every=1000", "model.hidden=16", "model.deterministic=16",
+        "model.stochastic=4", "model.imagination_starts=8", "model.horizon=3"}) {
+    arguments.insert(arguments.end(), {"--set", setting});
+  }
+  if (planner.find("mcts") != std::string::npos) {
+    arguments.insert(arguments.end(), {"--set", "planner.simulations=6"});
+  }
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+}  // namespace dreamsearch

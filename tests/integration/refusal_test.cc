@@ -1,0 +1,85 @@
+// What cannot be run is refused in one line, and nothing is written.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "program.h"
+
+namespace dreamsearch {
+namespace {
+
+struct Refused {
+  std::vector<std::string> arguments;
+  int exit_status;
+  const char* message;
+};
+
+TEST(Refusal, NamesWhatIsKnownAndWritesNothing) {
+  const Refused cases[] = {
+      {{"--env", "walker_wlak", "--planner", "mcts_pw"}, 66, "Did you mean walker_walk?"},
+      {{"--env", "walker_walk", "--planner", "mcts_wp"}, 66, "mcts_fixed"},
+      {{"--env", "walker_walk", "--planner", "dreamer", "--model", "dremer"}, 66, "dreamer"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--set", "planner.simulatoins=5"},
+       2, "simulations"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--set", "mcts_pw.simulations=0"},
+       2, "from 1 to"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--set", "mcts_pw.simulations=many"},
+       2, "many"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--seeds", "0"}, 2, "seeds"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--seed-list", "-1"}, 2, "-1"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--stesp", "5"}, 2, "steps"},
+      {{"--env", "walker_walk", "--planner", "mcts_pw", "--config", "absent.cfg"}, 66,
+       "absent.cfg"},
+      {{"--planner", "mcts_pw"}, 2, "--env"},
+      {{"trian"}, 2, "subcommand"},
+      {{"explain"}, 70, "not part of this version"},
+      {{"status", "--db", "absent.db"}, 66, "absent.db"},
+  };
+  const Workplace place;
+  for (const Refused& refused : cases) {
+    std::vector<std::string> arguments = refused.arguments;
+    const ProgramResult result = place.Runner(arguments);
+    EXPECT_EQ(result.exit_status, refused.exit_status) << result.err;
+    EXPECT_NE(result.err.find(refused.message), std::string::npos) << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_EQ(result.err.rfind("error: ", 0), 0u) << result.err;
+    EXPECT_TRUE(std::filesystem::is_empty(place.folder())) << result.err;
+  }
+}
+
+TEST(Refusal, AFileThatIsNotOurDatabaseIsLeftAlone) {
+  const Workplace place;
+  {
+    std::FILE* file = std::fopen(place.Path("notes.txt").c_str(), "w");
+    std::fputs("my notes, precious to me, long enough to be no header of any kind\n", file);
+    std::fclose(file);
+  }
+  const ProgramResult result = place.Runner(TinyRun("cartpole_balance", "dreamer", "notes.txt"));
+  EXPECT_EQ(result.exit_status, 65) << result.err;
+  EXPECT_EQ(std::filesystem::file_size(place.folder() / "notes.txt"), 66u);
+}
+
+TEST(DryRun, ShowsRunsSettingsTimeAndBytesAndWritesNothing) {
+  const Workplace place;
+  std::vector<std::string> arguments =
+      TinyRun("cartpole_balance", "dreamer,mcts_pw", "d.db", {"--dry-run", "--seeds", "2"});
+  const ProgramResult result = place.Runner(arguments);
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_NE(result.out.find("cartpole_balance mcts_pw seed 1: start"), std::string::npos)
+      << result.out;
+  EXPECT_NE(result.out.find("mcts_pw.simulations = 6"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("total: 4 of 4 runs"), std::string::npos) << result.out;
+  EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
+}
+
+TEST(Help, SaysHowToBegin) {
+  const Workplace place;
+  const ProgramResult result = place.Runner({"--help"});
+  EXPECT_EQ(result.exit_status, 0);
+  for (const char* word : {"--env", "--planner", "--seeds", "--db", "resume", "describe"}) {
+    EXPECT_NE(result.out.find(word), std::string::npos) << word;
+  }
+}
+
+}  // namespace
+}  // namespace dreamsearch
