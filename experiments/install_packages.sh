@@ -6,13 +6,14 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build git
-  libeigen3-dev libmujoco-dev libdnnl-dev
+  libeigen3-dev libmujoco-dev
   libboost-dev libboost-program-options-dev
   libsqlite3-dev libssl-dev nlohmann-json3-dev
-  sqlite3 gnuplot-nox librsvg2-bin
+  sqlite3 gnuplot-nox
 )
 if [[ "${1:-}" == --tests ]]; then
-  packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev)
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
+             python3 python3-numpy python3-scipy)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2
   exit 2
