@@ -15,6 +15,7 @@
 #include <limits>
 #include <thread>
 
+#include "results/derived_rows.h"
 #include "results/schema.h"
 
 namespace dreamsearch::results {
@@ -223,6 +224,11 @@ Database::Database(const std::string& path, OpenMode mode) {
     }
   }
   connection_ = std::make_unique<Connection>(absolute, opened);
+  if (opened == OpenMode::kReadWrite && mode == OpenMode::kReadOnly &&
+      connection_->QueryInt("PRAGMA application_id") == kApplicationId &&
+      connection_->QueryInt("PRAGMA user_version") < SchemaVersion()) {
+    Prepare(OpenMode::kReadWrite);
+  }
   if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
   Prepare(mode);
 }
@@ -250,10 +256,10 @@ void Database::Prepare(OpenMode mode) {
                                   std::to_string(SchemaVersion()) +
                                   ". Use the newer program that wrote it.");
   }
-  if (!create && version() < SchemaVersion() && mode == OpenMode::kReadOnly) {
-    throw Error(kExitBadData, path() + ": has the older schema " + std::to_string(version()) +
-                                  ", expected " + std::to_string(SchemaVersion()) +
-                                  ". Run `results list --upgrade` once with write access.");
+  if (version() < SchemaVersion() && mode == OpenMode::kReadOnly) {
+    throw Error(kExitPermission, path() + ": has the older schema " + std::to_string(version()) +
+                                     ", expected " + std::to_string(SchemaVersion()) +
+                                     "; to bring it up to date, it must be writable. Read a copy.");
   }
 
   db.Execute("PRAGMA foreign_keys = ON; PRAGMA trusted_schema = OFF; PRAGMA cache_size = -16000");
@@ -506,6 +512,7 @@ void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
     if (connection_->Changes() != 1) {
       throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
     }
+    UnsealRecord(*connection_, run_id);
     if (!ended) return;
     connection_
         ->Prepare("UPDATE segment SET ended_utc = ?2, end_reason = ?3, to_env_step ="
@@ -513,6 +520,7 @@ void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
                   " WHERE run_id = ?1 AND ended_utc IS NULL")
         .Bind(run_id, now, name)
         .Run();
+    SealRecord(*connection_, run_id);
   });
 }
 
@@ -618,6 +626,7 @@ void Database::AddEvent(std::int64_t run_id, std::int64_t env_step, const std::s
                   " WHERE run_id = ?1), ?2, ?3, ?4, ?5, ?6")
         .Bind(run_id, env_step, UtcNow(), level, kind, detail)
         .Run();
+    if (ReadRecord(*connection_, run_id)) SealRecord(*connection_, run_id);
   });
 }
 

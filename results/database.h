@@ -165,7 +165,8 @@ class Database {
   static std::unique_ptr<Database> OpenOrCreate(const std::string& path);
   // Opens an existing file for changes; Error 66 when there is none.
   static std::unique_ptr<Database> OpenExisting(const std::string& path);
-  // Opens an existing file and changes nothing in it.
+  // Opens an existing file and changes nothing in it, but for an older schema, which
+  // is brought up to date if the file is writable.
   static std::unique_ptr<Database> OpenReadOnly(const std::string& path);
 
   const std::string& path() const { return connection_->path(); }  // absolute

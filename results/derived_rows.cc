@@ -182,6 +182,83 @@ void RemakeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin) {
   ApplyChunks(db, run_id, ComputeChunks(db, run_id, first_bin));
 }
 
+namespace {
+
+constexpr const char* kRecord[] = {
+    "SELECT r.uuid, s.name, t.name, t.domain, t.observation_size, t.action_size,"
+    " t.control_seconds, t.substeps, t.episode_steps, t.return_low, t.return_high, r.planner,"
+    " r.model, e.name, e.version, e.abi, e.file, e.sha256, m.name, m.version, m.abi, m.file,"
+    " m.sha256, p.name, p.version, p.abi, p.file, p.sha256, c.sha256, r.preset, r.seed,"
+    " r.action_repeat, r.env_steps_target, r.env_steps_done, r.status, parent.uuid, r.exit_code,"
+    " r.error, r.argv, b.version, b.commit_hash, b.dirty, b.compiler, b.flags, b.instruction_set,"
+    " b.libraries, r.created_utc, r.ended_utc, r.heartbeat_utc, r.result_digest"
+    " FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id) JOIN config c USING"
+    " (config_id) JOIN build b USING (build_id) LEFT JOIN plugin e ON e.plugin_id = r.env_plugin"
+    " LEFT JOIN plugin m ON m.plugin_id = r.model_plugin LEFT JOIN plugin p ON"
+    " p.plugin_id = r.planner_plugin LEFT JOIN run parent ON parent.run_id = r.parent_run_id"
+    " WHERE r.run_id = ?1",
+    "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, b.version, b.commit_hash,"
+    " s.instruction_set, s.pid, s.from_env_step, s.to_env_step, s.started_utc, s.ended_utc,"
+    " s.end_reason, s.rows_rolled_back, s.slurm_job FROM segment s JOIN host h USING (host_id)"
+    " LEFT JOIN build b ON b.build_id = s.build_id WHERE s.run_id = ?1 ORDER BY s.segment",
+    "SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, activity",
+    "SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq",
+    "SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
+    " ORDER BY kind, env_step, sha256, bytes",
+};
+
+}  // namespace
+
+Chunk ComputeRecord(Connection& db, std::int64_t run_id) {
+  RollingDigest digest(5);
+  std::int64_t count = 0;
+  for (const char* sql : kRecord) {
+    Statement rows = db.Prepare(sql);
+    rows.Bind(run_id);
+    while (rows.Step()) {
+      ++count;
+      for (int i = 0; i < rows.columns(); ++i) {
+        if (rows.IsInt(i)) {
+          digest.AddBits(1);
+          AddStored(&digest, rows.Int(i));
+        } else if (rows.IsReal(i)) {
+          digest.AddBits(2);
+          AddStored(&digest, rows.Real(i));
+        } else if (rows.IsNull(i)) {
+          digest.AddBits(3);
+        } else {
+          digest.AddBits(4);
+          const std::string text = rows.Text(i);
+          digest.AddBits(text.size());
+          for (const char c : text) digest.AddBits(static_cast<unsigned char>(c));
+        }
+      }
+    }
+    digest.AddBits(6);
+  }
+  return {count, digest.state()};
+}
+
+std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id) {
+  Statement row = db.Prepare("SELECT n_rows, digest FROM chunk_digest WHERE run_id = ?1 AND"
+                             " tbl = 'run'");
+  if (!row.Bind(run_id).Step()) return std::nullopt;
+  return Chunk{row.Int(0), static_cast<std::uint64_t>(row.Int(1))};
+}
+
+void SealRecord(Connection& db, std::int64_t run_id) {
+  const Chunk record = ComputeRecord(db, run_id);
+  db.Prepare("INSERT INTO chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"
+             " VALUES (?1, 'run', -1, -1, ?2, ?3) ON CONFLICT DO UPDATE SET"
+             " n_rows = excluded.n_rows, digest = excluded.digest")
+      .Bind(run_id, record.rows, static_cast<std::int64_t>(record.digest))
+      .Run();
+}
+
+void UnsealRecord(Connection& db, std::int64_t run_id) {
+  db.Prepare("DELETE FROM chunk_digest WHERE run_id = ?1 AND tbl = 'run'").Bind(run_id).Run();
+}
+
 void RemakeCurveBins(Connection& db, std::int64_t run_id) {
   db.Prepare("DELETE FROM curve_bin WHERE run_id = ?1").Bind(run_id).Run();
   db.Prepare("INSERT INTO curve_bin SELECT run_id, phase, (env_step + 9999) / 10000,"

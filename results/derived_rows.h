@@ -65,6 +65,16 @@ void ApplyChunks(Connection& db, std::int64_t run_id, const Chunks& differences)
 // Replaces the stored chunks of first_bin and later by what the rows amount to.
 void RemakeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin);
 
+// A run that has ended has one more row of chunk_digest, `tbl` being 'run' and the
+// steps -1: the digest of its record, that is of everything else there is about it
+// (its row, task, plugins, build, segments with their hosts, times, events, files).
+// Names stand in it, never ids or folders, so it too survives a merge.
+Chunk ComputeRecord(Connection& db, std::int64_t run_id);
+std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id);
+void SealRecord(Connection& db, std::int64_t run_id);
+// To be called before anything in the record changes.
+void UnsealRecord(Connection& db, std::int64_t run_id);
+
 void RemakeCurveBins(Connection& db, std::int64_t run_id);
 
 }  // namespace dreamsearch::results

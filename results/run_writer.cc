@@ -107,6 +107,7 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
         .Bind(run_id_, point.events)
         .Run();
     rolled_back += connection_.Changes();
+    UnsealRecord(connection_, run_id_);
     RemakeCurveBins(connection_, run_id_);
     RemakeChunks(connection_, run_id_, BinOf(first_touched));
 
@@ -353,6 +354,7 @@ void RunWriter::Commit() {
   std::int64_t events = events_;
   connection_.Transact([&] {
     CheckOwnership();
+    UnsealRecord(connection_, run_id_);
     StoreRows(&stored, &events);
     StoreProgress();
   });

@@ -320,11 +320,28 @@ FROM cell JOIN study s USING (study_id) JOIN task t USING (task_id)
        AND r.planner = cell.planner AND r.model = cell.model AND r.seed = cell.seed;
 )sql";
 
+// A run that has ended has a digest of its record as well, so `tbl` may be 'run'.
+constexpr char kRecordDigests[] = R"sql(
+CREATE TABLE chunk_digest_2 (
+  run_id     INTEGER NOT NULL REFERENCES run ON DELETE CASCADE,
+  tbl        TEXT NOT NULL CHECK (tbl IN ('step', 'episode', 'scalar', 'run')),
+  first_step INTEGER NOT NULL,
+  last_step  INTEGER NOT NULL,
+  n_rows     INTEGER NOT NULL,
+  digest     INTEGER NOT NULL,
+  PRIMARY KEY (run_id, tbl, first_step)
+) STRICT, WITHOUT ROWID;
+INSERT INTO chunk_digest_2 SELECT * FROM chunk_digest;
+DROP TABLE chunk_digest;
+ALTER TABLE chunk_digest_2 RENAME TO chunk_digest;
+)sql";
+
 }  // namespace
 
 const std::vector<std::string>& Migrations() {
   static const std::vector<std::string> migrations = {
       std::string(kTables) + kTriggers + kViews,
+      kRecordDigests,
   };
   return migrations;
 }

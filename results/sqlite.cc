@@ -24,14 +24,20 @@ std::string FreeSpace(const std::string& path) {
          " bytes free there";
 }
 
-std::string ImmutableUri(const std::string& path) {
+std::string FileUri(const std::string& path) {
   std::string uri = "file:";
   for (const char c : path) {
     char escaped[4];
     std::snprintf(escaped, sizeof escaped, "%%%02x", static_cast<unsigned char>(c));
     uri += c == '/' ? "/" : escaped;
   }
-  return uri + "?immutable=1";
+  return uri;
+}
+
+// SQLite's own files are needed beside a database unless nobody can change it.
+bool IsUnchangeable(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return access(folder.c_str(), W_OK) != 0 && access((path + "-wal").c_str(), F_OK) != 0;
 }
 
 [[noreturn]] void ThrowCode(int code, const std::string& reason, const std::string& path,
@@ -76,6 +82,10 @@ std::string ImmutableUri(const std::string& path) {
 }
 
 }  // namespace
+
+std::string ReadOnlyUri(const std::string& path) {
+  return FileUri(path) + (IsUnchangeable(path) ? "?immutable=1" : "?mode=ro");
+}
 
 std::string AbsolutePath(const std::string& path) {
   std::error_code ignored;
@@ -157,14 +167,15 @@ std::optional<double> Statement::OptionalReal(int column) const {
 }
 
 Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsolutePath(path)) {
-  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
+  // URI: for ReadOnlyUri in ATTACH. A path itself begins with a slash and is none.
+  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE | SQLITE_OPEN_URI;
   switch (mode) {
-    case OpenMode::kReadOnly: flags |= SQLITE_OPEN_READONLY; break;
-    case OpenMode::kImmutable: flags |= SQLITE_OPEN_READONLY | SQLITE_OPEN_URI; break;
+    case OpenMode::kReadOnly:
+    case OpenMode::kImmutable: flags |= SQLITE_OPEN_READONLY; break;
     case OpenMode::kReadWrite: flags |= SQLITE_OPEN_READWRITE; break;
     case OpenMode::kCreate: flags |= SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE; break;
   }
-  const std::string name = mode == OpenMode::kImmutable ? ImmutableUri(path_) : path_;
+  const std::string name = mode == OpenMode::kImmutable ? FileUri(path_) + "?immutable=1" : path_;
   const int code = sqlite3_open_v2(name.c_str(), &handle_, flags, nullptr);
   if (code != SQLITE_OK) {
     const std::string reason = handle_ != nullptr ? sqlite3_errmsg(handle_) : "out of memory";

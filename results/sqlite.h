@@ -123,6 +123,9 @@ class Connection {
   bool wal_seen_ = false;
 };
 
+// A URI under which any connection opens the file for reading only.
+std::string ReadOnlyUri(const std::string& path);
+
 // The absolute form of a path, for messages and comparisons.
 std::string AbsolutePath(const std::string& path);
 

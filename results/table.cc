@@ -9,7 +9,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "results/error.h"
 #include "results/sqlite.h"
@@ -28,6 +30,20 @@ std::string ExactCell(const Cell& cell) {
   }
   if (const auto* text = std::get_if<std::string>(&cell)) return *text;
   return "";
+}
+
+nlohmann::ordered_json ToJson(const std::vector<std::string>& columns,
+                              const std::vector<Cell>& row) {
+  nlohmann::ordered_json object = nlohmann::ordered_json::object();
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    auto& field = object[columns[i]];
+    if (const auto* whole = std::get_if<std::int64_t>(&row[i])) field = *whole;
+    if (const auto* real = std::get_if<double>(&row[i]); real && std::isfinite(*real)) {
+      field = *real;
+    }
+    if (const auto* text = std::get_if<std::string>(&row[i])) field = *text;
+  }
+  return object;
 }
 
 std::string RoundedCell(const Cell& cell) {
@@ -110,30 +126,12 @@ std::string Table::Print(TableForm form) const {
   std::string out;
   if (form == TableForm::kJson) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const std::vector<Cell>& row : rows) {
-      nlohmann::ordered_json object = nlohmann::ordered_json::object();
-      for (std::size_t i = 0; i < columns.size(); ++i) {
-        auto& field = object[columns[i]];
-        if (const auto* whole = std::get_if<std::int64_t>(&row[i])) field = *whole;
-        if (const auto* real = std::get_if<double>(&row[i]); real && std::isfinite(*real)) {
-          field = *real;
-        }
-        if (const auto* text = std::get_if<std::string>(&row[i])) field = *text;
-      }
-      list.push_back(std::move(object));
-    }
+    for (const std::vector<Cell>& row : rows) list.push_back(ToJson(columns, row));
     return list.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   }
   if (form == TableForm::kCsv) {
-    for (std::size_t i = 0; i < columns.size(); ++i) out += (i > 0 ? "," : "") + CsvField(columns[i]);
-    out += "\n";
-    for (const std::vector<Cell>& row : rows) {
-      for (std::size_t i = 0; i < row.size(); ++i) {
-        if (i > 0) out += ',';
-        out += CsvField(ExactCell(row[i]));
-      }
-      out += "\n";
-    }
+    out = CsvLine({columns.begin(), columns.end()});
+    for (const std::vector<Cell>& row : rows) out += CsvLine(row);
     return out;
   }
 
@@ -173,54 +171,112 @@ std::string Table::Print(TableForm form) const {
   return out;
 }
 
+std::vector<Cell> ReadCells(const Statement& statement) {
+  std::vector<Cell> row;
+  for (int i = 0; i < statement.columns(); ++i) {
+    if (statement.IsNull(i)) {
+      row.emplace_back();
+    } else if (statement.IsInt(i)) {
+      row.emplace_back(statement.Int(i));
+    } else if (statement.IsReal(i)) {
+      row.emplace_back(statement.Real(i));
+    } else {
+      row.emplace_back(statement.Text(i));
+    }
+  }
+  return row;
+}
+
 Table ReadTable(Statement* statement) {
   Table table;
   for (int i = 0; i < statement->columns(); ++i) table.columns.push_back(statement->ColumnName(i));
-  while (statement->Step()) {
-    std::vector<Cell>& row = table.rows.emplace_back();
-    for (int i = 0; i < statement->columns(); ++i) {
-      if (statement->IsNull(i)) {
-        row.emplace_back();
-      } else if (statement->IsInt(i)) {
-        row.emplace_back(statement->Int(i));
-      } else if (statement->IsReal(i)) {
-        row.emplace_back(statement->Real(i));
-      } else {
-        row.emplace_back(statement->Text(i));
-      }
-    }
-  }
+  while (statement->Step()) table.rows.push_back(ReadCells(*statement));
   return table;
 }
 
-void WriteFile(const std::string& path, const std::string& bytes) {
-  const std::string absolute = AbsolutePath(path);
-  const std::string temporary = absolute + ".part" + std::to_string(getpid());
-  const auto fail = [&](const std::string& what) {
-    const int error = errno;
-    unlink(temporary.c_str());
-    const int exit_code = error == EACCES || error == EPERM || error == EROFS ? kExitPermission
-                          : error == ENOSPC || error == EIO || error == EDQUOT
-                              ? kExitInputOutput
-                              : kExitCannotCreate;
-    throw Error(exit_code, absolute + ": cannot be " + what + ": " + std::strerror(error));
-  };
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) fail("created");
+OutputFile::OutputFile(const std::string& path)
+    : path_(AbsolutePath(path)), temporary_(path_ + ".part" + std::to_string(getpid())) {
+  file_ = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file_ < 0) Fail("created");
+}
+
+OutputFile::~OutputFile() {
+  if (file_ < 0) return;
+  close(file_);
+  unlink(temporary_.c_str());
+}
+
+void OutputFile::Fail(const char* what) {
+  const int error = errno;
+  if (file_ >= 0) close(file_);
+  file_ = -1;
+  unlink(temporary_.c_str());
+  const int exit_code = error == EACCES || error == EPERM || error == EROFS ? kExitPermission
+                        : error == ENOSPC || error == EIO || error == EDQUOT
+                            ? kExitInputOutput
+                            : kExitCannotCreate;
+  throw Error(exit_code, path_ + ": cannot be " + what + ": " + std::strerror(error));
+}
+
+void OutputFile::Append(const std::string& bytes) {
+  buffer_ += bytes;
+  if (buffer_.size() >= (1 << 20)) Flush();
+}
+
+void OutputFile::Flush() {
   std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = write(file, bytes.data() + done, bytes.size() - done);
+  while (done < buffer_.size()) {
+    const ssize_t n = write(file_, buffer_.data() + done, buffer_.size() - done);
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) {
-      const int error = errno;
-      close(file);
-      errno = error;
-      fail("written");
-    }
+    if (n < 0) Fail("written");
     done += static_cast<std::size_t>(n);
   }
-  if (close(file) != 0) fail("written");
-  if (rename(temporary.c_str(), absolute.c_str()) != 0) fail("put in place");
+  buffer_.clear();
+}
+
+void OutputFile::Close() {
+  Flush();
+  const int file = std::exchange(file_, -1);
+  if (close(file) != 0) Fail("written");
+  if (rename(temporary_.c_str(), path_.c_str()) != 0) Fail("put in place");
+}
+
+void WriteFile(const std::string& path, const std::string& bytes) {
+  OutputFile file(path);
+  file.Append(bytes);
+  file.Close();
+}
+
+std::string ReadWholeFile(const std::string& path) {
+  const std::string absolute = AbsolutePath(path);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(absolute.c_str(), "rb"),
+                                                             std::fclose);
+  const auto fail = [&absolute](int error) {
+    throw Error(error == EACCES ? kExitPermission : error == ENOENT ? kExitNoInput
+                                                                    : kExitInputOutput,
+                absolute + ": cannot be read: " + std::strerror(error));
+  };
+  if (file == nullptr) fail(errno);
+  std::string bytes;
+  char buffer[1 << 16];
+  std::size_t size;
+  while ((size = std::fread(buffer, 1, sizeof buffer, file.get())) > 0) bytes.append(buffer, size);
+  if (std::ferror(file.get()) != 0) fail(errno);
+  return bytes;
+}
+
+std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row) {
+  return ToJson(columns, row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
+         "\n";
+}
+
+std::string CsvLine(const std::vector<Cell>& row) {
+  std::string line;
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    if (i > 0) line += ',';
+    line += CsvField(ExactCell(row[i]));
+  }
+  return line + "\n";
 }
 
 }  // namespace dreamsearch::results

@@ -42,8 +42,35 @@ std::string Grouped(std::int64_t value);
 // Characters of UTF-8.
 std::size_t Width(const std::string& text);
 
-// Writes a file whole or not at all: under another name first, then renamed.
-// Throws Error 73, 74 or 77.
+// A file that is there whole or not at all: written under another name, renamed by
+// Close. Not closed, it leaves nothing. Throws Error 73, 74 or 77.
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  void Append(const std::string& bytes);
+  void Close();
+
+ private:
+  void Flush();
+  [[noreturn]] void Fail(const char* what);
+
+  std::string path_, temporary_, buffer_;
+  int file_ = -1;
+};
+
 void WriteFile(const std::string& path, const std::string& bytes);
+
+// The bytes of a file. Throws Error 66, 74 or 77.
+std::string ReadWholeFile(const std::string& path);
+
+// One row as an object of one line, and as a line of CSV.
+std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row);
+std::string CsvLine(const std::vector<Cell>& row);
+// The current row of a statement.
+std::vector<Cell> ReadCells(const Statement& statement);
 
 }  // namespace dreamsearch::results

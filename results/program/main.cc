@@ -21,13 +21,13 @@ constexpr Command kCommands[] = {
     {"show", "all there is to know about one run", ShowCommand},
     {"curves", "learning curves as a picture (SVG, PNG, PDF) or table", CurvesCommand},
     {"compare", "statistics over tasks and seeds, with intervals", CompareCommand},
-    {"report", "one HTML page with every figure and table", nullptr},
-    {"export", "CSV, JSON lines and the formats of published scores", nullptr},
-    {"import", "published scores, to be drawn beside ours", nullptr},
-    {"merge", "runs of several databases into one", nullptr},
-    {"verify", "checks every stored row against its digest", nullptr},
-    {"delete", "deletes runs and all they recorded", nullptr},
-    {"sql", "runs a query and prints a table", nullptr},
+    {"report", "one HTML page with every figure and table", ReportCommand},
+    {"export", "CSV, JSON lines and the formats of published scores", ExportCommand},
+    {"import", "published scores, to be drawn beside ours", ImportCommand},
+    {"merge", "runs of several databases into one", MergeCommand},
+    {"verify", "checks every stored row against its digest", VerifyCommand},
+    {"delete", "deletes runs and all they recorded", DeleteCommand},
+    {"sql", "runs a query and prints a table", SqlCommand},
 };
 
 void PrintHelp() {
@@ -51,12 +51,7 @@ int Dispatch(const Words& words) {
   }
   std::vector<std::string> known;
   for (const Command& command : kCommands) {
-    if (words[0] == command.name) {
-      if (command.run == nullptr) {
-        throw Error(kExitInternal, "`results " + words[0] + "` is not part of this version yet");
-      }
-      return command.run({words.begin() + 1, words.end()});
-    }
+    if (words[0] == command.name) return command.run({words.begin() + 1, words.end()});
     known.emplace_back(command.name);
   }
   throw Error(kExitUsage, "no command '" + Printable(words[0]) + "'." + KnownNames(words[0], known));

@@ -35,6 +35,19 @@ def check(what, found, expected, tolerance):
               f" (seed {seed_of_check})")
 
 
+def check_interval(what, found, values):
+    """The ends lie where the check's own repetitions have these quantiles: a share of
+    R draws is known to sqrt(q (1 - q) / R), and four of these are allowed."""
+    global failures
+    for end, q in (("lo", 0.025), ("hi", 0.975)):
+        error = 4 * np.sqrt(q * (1 - q) / len(values))
+        low, high = np.quantile(values, [max(q - error, 0), min(q + error, 1)])
+        if not low - 1e-12 <= found[end] <= high + 1e-12:
+            failures += 1
+            print(f"{what} {end}: found {found[end]}, expected {low} to {high}"
+                  f" (seed {seed_of_check})")
+
+
 def scores_of(db):
     rows = db.execute("""
         SELECT r.planner, t.name, r.run_id, e.phase, avg((e.episode_return - t.return_low)
@@ -97,14 +110,8 @@ for item in found["planners"]:
     draws = [statistics(resample(matrix)) for _ in range(repetitions)]
     for name, value in statistics(matrix).items():
         check(f"{item['planner']} {name}", item[name]["value"], value, 1e-12)
-        values = np.array([draw[name] for draw in draws])
-        # A quantile of R draws is off by about sqrt(q (1 - q) / R) / density; the
-        # tails are thinner than a normal's nowhere here, so 0.08 of the standard
-        # deviation per standard error, and four of them.
-        tolerance = 4 * 0.08 * values.std() + 1e-12
-        for end, q in (("lo", 2.5), ("hi", 97.5)):
-            check(f"{item['planner']} {name} {end}", item[name][end],
-                  np.percentile(values, q), tolerance)
+        check_interval(f"{item['planner']} {name}", item[name],
+                       np.array([draw[name] for draw in draws]))
     flat = np.concatenate(matrix)
     for tau, estimate in zip(found["taus"], item["profile"]):
         check(f"{item['planner']} profile at {tau}", estimate["value"], np.mean(flat > tau), 1e-12)
@@ -112,10 +119,8 @@ for item in found["planners"]:
 for item in found["improvement"]:
     x, y = matrices[item["x"]], matrices[item["y"]]
     check(f"P({item['x']} > {item['y']})", item["value"], improvement(x, y), 1e-12)
-    values = np.array([improvement_by_pairs(resample(x), resample(y)) for _ in range(1000)])
-    tolerance = 4 * 0.12 * values.std() + 1e-12
-    for end, q in (("lo", 2.5), ("hi", 97.5)):
-        check(f"P({item['x']} > {item['y']}) {end}", item[end], np.percentile(values, q), tolerance)
+    check_interval(f"P({item['x']} > {item['y']})", item, np.array(
+        [improvement_by_pairs(resample(x), resample(y)) for _ in range(repetitions)]))
 
 print(f"{failures} differences over {len(found['tasks'])} tasks and"
       f" {len(found['planners'])} planners")

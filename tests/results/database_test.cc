@@ -173,6 +173,38 @@ TEST(Database, ANewerSchemaIsRefused) {
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "schema 99"), kExitBadData);
 }
 
+// Migrations go forward only: a file of each older schema, with a run in it, becomes
+// the newest one and keeps its rows.
+TEST(Database, OlderSchemasAreBroughtUpToDate) {
+  for (std::int64_t version = 1; version < SchemaVersion(); ++version) {
+    const TemporaryFolder folder;
+    const std::string path = folder / "old.db";
+    {
+      Connection old(path, OpenMode::kCreate);
+      for (std::int64_t v = 0; v < version; ++v) {
+        old.Execute(Migrations()[static_cast<std::size_t>(v)]);
+      }
+      old.Execute("PRAGMA application_id = " + std::to_string(kApplicationId) +
+                  "; PRAGMA user_version = " + std::to_string(version) +
+                  "; INSERT INTO study VALUES (1, 'kept', '', 'then');"
+                  " INSERT INTO task VALUES (1, 't', '', 1, 1, 1, 1, 1, 0, 1);"
+                  " INSERT INTO config VALUES (1, 'x', '{}');"
+                  " INSERT INTO build VALUES (1, '', '', 0, '', '', '', '');"
+                  " INSERT INTO run (run_id, uuid, study_id, task_id, planner, model, config_id,"
+                  " preset, seed, action_repeat, env_steps_target, log_path, argv, build_id,"
+                  " created_utc) VALUES (1, 'u', 1, 1, 'p', 'm', 1, '', 0, 1, 1, '', '', 1, '');"
+                  " INSERT INTO chunk_digest VALUES (1, 'step', 1, 10000, 3, 4)");
+    }
+    const auto reader = Database::OpenReadOnly(path);
+    EXPECT_EQ(Count(reader.get(), "PRAGMA user_version"), SchemaVersion());
+    EXPECT_EQ(reader->GetRun(1)->study, "kept");
+    EXPECT_EQ(Count(reader.get(), "SELECT n_rows FROM chunk_digest"), 3);
+    const auto writer = Database::OpenOrCreate(path);
+    EXPECT_NO_THROW(writer->SetRunStatus(1, RunStatus::kFailed, 70));
+    EXPECT_EQ(writer->connection().QueryText("PRAGMA integrity_check"), "ok");
+  }
+}
+
 TEST(Database, AnEmptyFileBecomesADatabaseOnlyWhenAskedTo) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.db";

@@ -56,9 +56,9 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
   Random random(DeriveSeed(1, stream));
   const bool crashes = (task * 7 + planner * 3 + seed) % 40 == 7;
   const std::int64_t done = crashes ? steps * 6 / 10 / 1000 * 1000 : steps;
-  const double level = 950 - 40.0 * task + 30 * planner + 25 * random.Normal();
+  const double level = 150 + 40.0 * task + 30 * planner + 25 * random.Normal();
   const double rate = (4 + planner + random.Uniform()) / static_cast<double>(steps) *
-                      (1 - 0.03 * task);
+                      (0.4 + 0.03 * task);
   const auto score = [&](std::int64_t step) {
     const double mean = level * (1 - std::exp(-rate * static_cast<double>(step)));
     return std::clamp(mean + 40 * random.Normal(), 0.0, 1000.0);

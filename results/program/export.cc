@@ -1,0 +1,152 @@
+// results export - rows for other programs.
+#include <filesystem>
+#include <iostream>
+#include <map>
+
+#include "results/program/arguments.h"
+#include "results/program/commands.h"
+#include "results/published.h"
+
+namespace dreamsearch::results {
+namespace {
+
+// What can be exported as rows; each takes a run_id and names the run's task,
+// planner and seed in front.
+const std::map<std::string, const char*>& Queries() {
+  static const std::map<std::string, const char*> queries = {
+      {"curves",
+       "SELECT study, task, planner, model, seed, phase, env_step, mean, episodes FROM v_curve_run"
+       " WHERE run_id = ?1 ORDER BY phase, env_step"},
+      {"episodes",
+       "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, e.* FROM episode e"
+       " JOIN run r USING (run_id) JOIN study s USING (study_id) JOIN task t USING (task_id)"
+       " WHERE e.run_id = ?1 ORDER BY e.phase, e.episode"},
+      {"finals", "SELECT * FROM v_final WHERE run_id = ?1 ORDER BY phase"},
+      {"runs", "SELECT * FROM v_run WHERE run_id = ?1"},
+      {"scalars",
+       "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, x.run_id,"
+       " m.name AS metric, m.unit, x.env_step, x.value FROM scalar x JOIN metric m USING"
+       " (metric_id) JOIN run r USING (run_id) JOIN study s USING (study_id) JOIN task t USING"
+       " (task_id) WHERE x.run_id = ?1 ORDER BY m.name, x.env_step"},
+      {"steps",
+       "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, x.* FROM step x"
+       " JOIN run r USING (run_id) JOIN study s USING (study_id) JOIN task t USING (task_id)"
+       " WHERE x.run_id = ?1 ORDER BY x.env_step"},
+      {"times",
+       "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, x.* FROM time_use x"
+       " JOIN run r USING (run_id) JOIN study s USING (study_id) JOIN task t USING (task_id)"
+       " WHERE x.run_id = ?1 ORDER BY x.env_step, x.activity"},
+  };
+  return queries;
+}
+
+// A name as part of a path: nothing that leads out of the folder.
+std::string FileName(const std::string& name) {
+  std::string file;
+  for (const char c : Printable(name)) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' ||
+                       c == '.' || c == '=' || c == ' ';
+    file += plain ? c : '_';
+  }
+  return file.empty() || file[0] == '.' ? "_" + file : file;
+}
+
+void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter,
+               const char* sql, bool csv, const std::string& out) {
+  std::unique_ptr<OutputFile> file;
+  if (!out.empty()) file = std::make_unique<OutputFile>(out);
+  const auto write = [&file](const std::string& line) {
+    if (file != nullptr) {
+      file->Append(line);
+    } else {
+      std::cout << line;
+    }
+  };
+  bool first = true;
+  for (const auto& database : databases) {
+    Statement rows = database->connection().Prepare(sql);
+    std::vector<std::string> columns;
+    for (int i = 0; i < rows.columns(); ++i) columns.push_back(rows.ColumnName(i));
+    if (csv && first) write(CsvLine({columns.begin(), columns.end()}));
+    first = false;
+    for (const RunInfo& run : database->ListRuns(filter)) {
+      rows.Bind(run.run_id);
+      while (rows.Step()) {
+        write(csv ? CsvLine(ReadCells(rows)) : JsonLine(columns, ReadCells(rows)));
+      }
+    }
+  }
+  if (file != nullptr) {
+    file->Close();
+    std::cerr << "wrote " << AbsolutePath(out) << "\n";
+  }
+}
+
+}  // namespace
+
+int ExportCommand(const Words& words) {
+  Arguments arguments(
+      "export", "[options]",
+      "Writes rows as CSV or JSON lines, or learning curves in the formats that Dreamer (one JSON\n"
+      "list) and TD-MPC2 (a folder with a CSV a task for each planner) publish their scores in.");
+  arguments.AddDatabase();
+  arguments.AddFilter();
+  namespace po = boost::program_options;
+  arguments.Add()("format", po::value<std::string>()->default_value("csv"),
+                  "csv, jsonl, dreamer or tdmpc2")(
+      "rows", po::value<std::string>()->default_value("episodes"),
+      "for csv and jsonl: curves, episodes, finals, runs, scalars, steps or times")(
+      "phase", po::value<std::string>()->default_value("evaluation"),
+      "for dreamer and tdmpc2: evaluation, training (0), search (1) or actor (2)")(
+      "out", po::value<std::string>()->default_value("")->value_name("FILE"),
+      "a file, for tdmpc2 a folder; otherwise standard output");
+  if (!arguments.Parse(words)) return kExitOk;
+  const Selection selection = arguments.GetSelection();
+  const std::string format = arguments.Get<std::string>("format");
+  const std::string out = arguments.Get<std::string>("out");
+  const std::string rows = arguments.Get<std::string>("rows");
+  const auto query = Queries().find(rows);
+  if (query == Queries().end()) {
+    std::vector<std::string> known;
+    for (const auto& [name, sql] : Queries()) known.push_back(name);
+    throw Error(kExitUsage, "no rows '" + rows + "'." + KnownNames(rows, known));
+  }
+  const CurvePhase phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
+  const auto databases = OpenSelected(selection);
+  if (format == "csv" || format == "jsonl") {
+    WriteRows(databases, selection.filter, query->second, format == "csv", out);
+    return kExitOk;
+  }
+  const std::vector<Line> lines =
+      ReadLines(databases, {.filter = selection.filter, .phase = phase});
+  if (format == "dreamer") {
+    if (out.empty()) {
+      std::cout << DreamerScores(lines);
+    } else {
+      WriteFile(out, DreamerScores(lines));
+      std::cerr << "wrote " << AbsolutePath(out) << "\n";
+    }
+    return kExitOk;
+  }
+  if (format != "tdmpc2") {
+    throw Error(kExitUsage, "no format '" + format + "'. Known: csv, jsonl, dreamer, tdmpc2");
+  }
+  if (out.empty()) throw Error(kExitUsage, "export --format tdmpc2: expected --out FOLDER");
+  for (const Line& line : lines) {
+    const std::filesystem::path folder = std::filesystem::path(out) / FileName(line.label);
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error) {
+      throw Error(kExitCannotCreate, AbsolutePath(folder.string()) + ": " + error.message());
+    }
+    std::string task = FileName(line.task);
+    for (char& c : task) {
+      if (c == '_') c = '-';
+    }
+    WriteFile((folder / (task + ".csv")).string(), TdmpcScores(line));
+  }
+  std::cerr << "wrote " << lines.size() << " files below " << AbsolutePath(out) << "\n";
+  return kExitOk;
+}
+
+}  // namespace dreamsearch::results

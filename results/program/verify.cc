@@ -1,0 +1,34 @@
+// results verify - checks stored rows against their digests.
+#include <iostream>
+
+#include "results/program/arguments.h"
+#include "results/program/commands.h"
+#include "results/verification.h"
+
+namespace dreamsearch::results {
+
+int VerifyCommand(const Words& words) {
+  Arguments arguments("verify", "[options]",
+                      "Checks the file's structure and every stored row against the digest it was\n"
+                      "written with. Exits 78 if anything does not fit. `runner verify` repeats a run.");
+  arguments.AddDatabase();
+  arguments.AddFilter();
+  if (!arguments.Parse(words)) return kExitOk;
+  const Selection selection = arguments.GetSelection();
+  std::size_t problems = 0;
+  for (const auto& database : OpenSelected(selection)) {
+    const std::vector<std::string> found = Verify(database.get(), selection.filter);
+    for (const std::string& problem : found) {
+      std::cout << database->path() << ": " << Printable(problem) << "\n";
+    }
+    if (found.empty()) {
+      std::cout << database->path() << ": "
+                << Grouped(static_cast<std::int64_t>(database->ListRuns(selection.filter).size()))
+                << " runs are as they were written\n";
+    }
+    problems += found.size();
+  }
+  return problems == 0 ? kExitOk : kExitVerification;
+}
+
+}  // namespace dreamsearch::results

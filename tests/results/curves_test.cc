@@ -1,0 +1,168 @@
+#include "results/curves.h"
+
+#include <gtest/gtest.h>
+
+#include "recording.h"
+#include "results/curve_figure.h"
+
+namespace dreamsearch::results {
+namespace {
+
+class CurvesTest : public testing::Test {
+ protected:
+  CurvesTest() { databases_.push_back(Database::OpenOrCreate(folder_ / "r.db")); }
+
+  struct Value {
+    Phase phase;
+    std::int64_t env_step;
+    double episode_return;
+  };
+  std::int64_t AddRun(const RunSettings& settings, const std::vector<Value>& values,
+                      RunStatus status = RunStatus::kFinished) {
+    Database* db = databases_[0].get();
+    const std::int64_t run = MakeRun(db, settings);
+    RunWriter writer(db, run);
+    writer.BeginSegment(MakeSegment(db));
+    std::int64_t episodes[kPhases] = {};
+    for (const Value& value : values) {
+      writer.AddEpisode({.phase = value.phase,
+                         .episode = episodes[static_cast<int>(value.phase)]++,
+                         .env_step = value.env_step,
+                         .episode_return = value.episode_return,
+                         .model_transitions = 10});
+      writer.AddTimeUse(value.env_step, "learning", 0.01 * static_cast<double>(value.env_step));
+      writer.AddTimeUse(value.env_step, "evaluation", 1e6);
+      writer.SetProgress(value.env_step);
+    }
+    writer.Finish();
+    db->SetRunStatus(run, status, 0);
+    return run;
+  }
+  static constexpr Phase kTrain = Phase::kTraining, kSearch = Phase::kSearchEvaluation,
+                         kActor = Phase::kActorEvaluation;
+
+  TemporaryFolder folder_;
+  std::vector<std::unique_ptr<Database>> databases_;
+};
+
+TEST_F(CurvesTest, APointIsTheMeanOverSeedsAtTheEvaluationsOwnStep) {
+  AddRun({.seed = 0}, {{kSearch, 0, 1}, {kSearch, 1200, 2}, {kSearch, 1200, 4}});
+  AddRun({.seed = 1}, {{kSearch, 0, 3}, {kSearch, 1200, 9}});
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0].n(), 2);
+  const std::vector<LinePoint> points = Points(lines[0]);
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[1].env_step, 1200);
+  EXPECT_EQ(points[1].mean, 6);  // of 3 and 9
+  EXPECT_EQ(points[1].lo, 3);
+  EXPECT_EQ(points[1].hi, 9);
+}
+
+TEST_F(CurvesTest, LongBudgetsAreReadFromTheBins) {
+  AddRun({.env_steps_target = 200000},
+         {{kSearch, 10000, 1}, {kSearch, 10001, 2}, {kSearch, 20000, 4}});
+  const std::vector<LinePoint> points = Points(ReadLines(databases_, {})[0]);
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].env_step, 10000);
+  EXPECT_EQ(points[1].env_step, 20000);
+  EXPECT_EQ(points[1].mean, 3);
+}
+
+TEST_F(CurvesTest, EvaluationIsWithSearchWhereThereIsOne) {
+  AddRun({.planner = "mcts_pw"}, {{kSearch, 0, 1}, {kActor, 0, 5}});
+  AddRun({.planner = "dreamer"}, {{kActor, 0, 7}});
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0].label, "dreamer");  // the paper's order
+  EXPECT_FALSE(lines[0].with_search);
+  EXPECT_EQ(Points(lines[0])[0].mean, 7);
+  EXPECT_TRUE(lines[1].with_search);
+  EXPECT_EQ(Points(lines[1])[0].mean, 1);
+  EXPECT_EQ(Points(ReadLines(databases_, {.phase = CurvePhase::kActorEvaluation})[1])[0].mean, 5);
+}
+
+TEST_F(CurvesTest, OtherSettingsAreOtherLinesNamedByTheDifference) {
+  AddRun({.config = R"({"mcts_pw":{"depth":3},"steps":5})"}, {{kSearch, 0, 1}});
+  AddRun({.config = R"({"mcts_pw":{"depth":4},"steps":5})"}, {{kSearch, 0, 1}});
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0].label, "mcts_pw mcts_pw.depth=3");
+  EXPECT_EQ(lines[1].label, "mcts_pw mcts_pw.depth=4");
+}
+
+TEST_F(CurvesTest, SecondsLeaveEvaluationOutAndAreInterpolated) {
+  AddRun({}, {{kTrain, 1000, 0}, {kTrain, 2000, 0}, {kSearch, 1500, 3}});
+  const Line line = ReadLines(databases_, {.axis = CurveAxis::kSeconds})[0];
+  ASSERT_EQ(line.runs[0].x.size(), 1u);
+  EXPECT_DOUBLE_EQ(line.runs[0].x[0], 15);
+}
+
+TEST_F(CurvesTest, TransitionsAreThoseOfTrainingSoFar) {
+  AddRun({}, {{kTrain, 1000, 0}, {kTrain, 2000, 0}, {kSearch, 2000, 3}});
+  EXPECT_DOUBLE_EQ(ReadLines(databases_, {.axis = CurveAxis::kTransitions})[0].runs[0].x[0], 20);
+}
+
+TEST_F(CurvesTest, SmoothingIsACentredMeanSaidOnTheAxis) {
+  AddRun({}, {{kSearch, 0, 0}, {kSearch, 1, 3}, {kSearch, 2, 9}, {kSearch, 3, 3}});
+  const CurveRequest request = {.smooth = 3};
+  const std::vector<Line> lines = ReadLines(databases_, request);
+  EXPECT_EQ(lines[0].runs[0].value, (std::vector<double>{0, 4, 5, 3}));
+  EXPECT_NE(CurvesByTask(lines, request, CurveInterval::kMinMax).y_label.find("smoothed over 3"),
+            std::string::npos);
+}
+
+TEST_F(CurvesTest, ARunInTwoDatabasesCountsOnce) {
+  AddRun({}, {{kSearch, 0, 1}});
+  databases_.push_back(Database::OpenReadOnly(folder_ / "r.db"));
+  EXPECT_EQ(ReadLines(databases_, {})[0].n(), 1);
+}
+
+TEST_F(CurvesTest, TheLegendSaysHowManySeedsAndTheNotesWhatIsMissing) {
+  AddRun({.seed = 0}, {{kSearch, 0, 1}});
+  AddRun({.seed = 1}, {{kSearch, 0, 1}}, RunStatus::kCrashed);
+  AddRun({.planner = "rollout", .seed = 0}, {{kSearch, 0, 1}});
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  const Figure figure = CurvesByTask(lines, {}, CurveInterval::kMinMax);
+  ASSERT_EQ(figure.legend.size(), 2u);
+  EXPECT_EQ(figure.legend[0].text, "rollout with search (n = 1)");
+  EXPECT_EQ(figure.legend[1].text, "mcts_pw with search (n = 2)");
+  EXPECT_EQ(Gaps(lines),
+            (std::vector<std::string>{
+                "walker_walk, rollout: seed 1 is missing.",
+                "walker_walk, mcts_pw: seed 1 crashed at 0 of 100,000 steps."}));
+}
+
+bool HasBand(const Figure& figure) {
+  for (const Series& series : figure.panels[0].series) {
+    if (series.mark == Series::Mark::kBand) return true;
+  }
+  return false;
+}
+
+TEST_F(CurvesTest, FewerThanThreeSeedsGiveNoInterval) {
+  AddRun({.seed = 0}, {{kSearch, 0, 1}, {kSearch, 10, 2}});
+  AddRun({.seed = 1}, {{kSearch, 0, 2}, {kSearch, 10, 3}});
+  EXPECT_FALSE(HasBand(CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kMinMax)));
+  AddRun({.seed = 2}, {{kSearch, 0, 2}, {kSearch, 10, 3}});
+  EXPECT_TRUE(HasBand(CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kMinMax)));
+  EXPECT_FALSE(HasBand(CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kNone)));
+}
+
+// A mean over fewer seeds at the end would jump; the seeds go on by themselves.
+TEST_F(CurvesTest, TheMeanEndsWhereTheFirstSeedEnds) {
+  AddRun({.seed = 0}, {{kSearch, 0, 1}, {kSearch, 10, 2}, {kSearch, 20, 100}});
+  AddRun({.seed = 1}, {{kSearch, 0, 1}, {kSearch, 10, 4}});
+  const Figure figure = CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kMinMax);
+  for (const Series& series : figure.panels[0].series) {
+    if (series.mark == Series::Mark::kLine) {
+      EXPECT_EQ(series.y, (std::vector<double>{1, 3}));
+    }
+    if (series.mark == Series::Mark::kThin) {
+      EXPECT_EQ(series.y, (std::vector<double>{2, 100}));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace dreamsearch::results

@@ -1,0 +1,154 @@
+#include "results/published.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "recording.h"
+#include "results/table.h"
+
+namespace dreamsearch::results {
+namespace {
+
+std::vector<PublishedPoint> Parse(const std::string& bytes, const ImportSettings& settings = {},
+                                  const std::string& path = "/x/tdmpc2/walker-walk.csv") {
+  return ParsePublished(path, bytes, settings);
+}
+
+// The exit code and that the message names the place.
+void ExpectMalformed(const std::string& bytes, const std::string& where) {
+  try {
+    Parse(bytes);
+    FAIL() << bytes;
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), kExitBadData);
+    EXPECT_NE(std::string(error.what()).find(where), std::string::npos) << error.what();
+  }
+}
+
+constexpr char kScores[] =
+    "source,method,obs,task,env_steps,seed,return,target,n_seeds,seed_sd\r\n"
+    "lab/agent,agent,state,walker_walk,105000,0,57.07,100000,,\r\n"
+    "\"lab, the other\",agent,pixels,dmc_ball_in_cup_catch,500000,mean,12.5,500000,5,3.25\r\n";
+
+TEST(Published, ScoresAreReadByTheNamesOfTheirColumns) {
+  const std::vector<PublishedPoint> points = Parse(kScores);
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].source, "lab/agent");
+  EXPECT_EQ(points[0].env_steps, 105000);
+  EXPECT_EQ(points[0].seed, 0);
+  EXPECT_EQ(points[0].episode_return, 57.07);
+  EXPECT_FALSE(points[0].n_seeds);
+  EXPECT_EQ(points[1].source, "lab, the other");
+  EXPECT_EQ(points[1].task, "cup_catch");
+  EXPECT_FALSE(points[1].seed);
+  EXPECT_EQ(points[1].n_seeds, 5);
+  EXPECT_EQ(points[1].seed_sd, 3.25);
+}
+
+TEST(Published, DreamersListsAreRead) {
+  const std::vector<PublishedPoint> points = Parse(
+      R"([{"task":"dmc_walker_walk","method":"dreamer","seed":"3","xs":[1e4,20000],"ys":[1.5,2]}])",
+      {.steps_per_unit = 2});
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].task, "walker_walk");
+  EXPECT_EQ(points[0].env_steps, 20000);
+  EXPECT_EQ(points[1].env_steps, 40000);
+  EXPECT_EQ(points[1].seed, 3);
+  EXPECT_EQ(points[1].episode_return, 2);
+}
+
+TEST(Published, TdmpcsFilesTakeTaskAndMethodFromTheirPath) {
+  const std::vector<PublishedPoint> points = Parse("step,reward,seed\n0,1.25,1\n50000,900,1\n");
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].task, "walker_walk");
+  EXPECT_EQ(points[0].method, "tdmpc2");
+  EXPECT_EQ(points[1].env_steps, 50000);
+  EXPECT_EQ(points[1].seed, 1);
+}
+
+TEST(Published, WhatIsMalformedIsNamedWithItsPlace) {
+  ExpectMalformed("", "is empty");
+  ExpectMalformed("a,b\n1,2\n", "column 'source'");
+  ExpectMalformed("step,reward,seed\n1,x,0\n", ".csv:2");
+  ExpectMalformed("step,reward,seed\n1,nan,0\n", "finite");
+  ExpectMalformed("step,reward,seed\n1,inf,0\n", "finite");
+  ExpectMalformed("step,reward,seed\n1.5,1,0\n", "whole number");
+  ExpectMalformed("step,reward,seed\n-1,1,0\n", "whole number");
+  ExpectMalformed("step,reward,seed\n1e300,1,0\n", "whole number");
+  ExpectMalformed("step,reward,seed\n1,1,-1\n", "seed");
+  ExpectMalformed("step,reward,seed\n1,1\n", "expected 3 fields");
+  ExpectMalformed("step,reward,seed\n\"1,1,0\n", "quote");
+  ExpectMalformed("[", "JSON");
+  ExpectMalformed("[1]", "item 0");
+  ExpectMalformed(R"([{"task":"t","method":"m","seed":0,"xs":[1],"ys":[]}])", "as many ys");
+  ExpectMalformed(R"([{"task":"t","method":"m","seed":0,"xs":[1],"ys":["a"]}])", "finite numbers");
+  ExpectMalformed(R"([{"task":"t","method":"m","seed":1.5,"xs":[],"ys":[]}])", "'seed'");
+  ExpectMalformed(R"([{"method":"m","seed":1,"xs":[],"ys":[]}])", "'task'");
+}
+
+TEST(Published, StoringTwiceStoresOnce) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  StorePublished(db.get(), Parse(kScores));
+  StorePublished(db.get(), Parse(kScores));
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM published"), 2);
+}
+
+TEST(Published, WhatWeExportCanBeImported) {
+  const TemporaryFolder folder;
+  std::vector<std::unique_ptr<Database>> databases;
+  databases.push_back(Database::OpenOrCreate(folder / "r.db"));
+  for (const int seed : {0, 1}) {
+    RunWriter writer(databases[0].get(), MakeRun(databases[0].get(), {.seed = seed}));
+    writer.BeginSegment(MakeSegment(databases[0].get()));
+    for (std::int64_t i = 0; i < 3; ++i) {
+      writer.AddEpisode({.phase = Phase::kSearchEvaluation,
+                         .episode = i,
+                         .env_step = i * 10000,
+                         .episode_return = 100.0 * seed + 1.0 / 3 + static_cast<double>(i)});
+    }
+    writer.Finish();
+  }
+  const std::vector<Line> lines = ReadLines(databases, {});
+  ASSERT_EQ(lines.size(), 1u);
+  for (const std::string& bytes : {DreamerScores(lines), TdmpcScores(lines[0])}) {
+    const std::vector<PublishedPoint> points = Parse(bytes);
+    ASSERT_EQ(points.size(), 6u);
+    EXPECT_EQ(points[4].env_steps, 10000);
+    EXPECT_EQ(points[4].seed, 1);
+    EXPECT_EQ(points[4].episode_return, 100 + 1.0 / 3 + 1);
+    EXPECT_EQ(points[4].task, "walker_walk");
+  }
+}
+
+TEST(Published, CurvesAreDrawnBesideOurs) {
+  const TemporaryFolder folder;
+  std::vector<std::unique_ptr<Database>> databases;
+  databases.push_back(Database::OpenOrCreate(folder / "r.db"));
+  MakeRun(databases[0].get());
+  StorePublished(databases[0].get(), Parse(kScores));
+  EXPECT_EQ(ReadLines(databases, {}).size(), 1u);
+  const std::vector<Line> lines = ReadLines(databases, {.published = {"agent/state"}});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_TRUE(lines[1].published);
+  EXPECT_EQ(lines[1].task, "walker_walk");
+  EXPECT_EQ(lines[1].n(), 1);
+}
+
+// The file of published scores, where it is at hand.
+TEST(Published, TheAnchorsAreReadAsTheyAre) {
+  const std::string path = std::string(DREAMSEARCH_SOURCE_DIR) + "/../shared/anchors/scores.csv";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no published scores at hand";
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const std::vector<PublishedPoint> points = ParsePublished(path, ReadWholeFile(path), {});
+  EXPECT_GT(points.size(), 10000u);
+  StorePublished(db.get(), points);
+  EXPECT_GT(Count(db.get(), "SELECT count(*) FROM published WHERE method = 'tdmpc2'"), 300);
+  EXPECT_EQ(Count(db.get(), "SELECT count(DISTINCT task) FROM published WHERE task = 'cup_catch'"),
+            1);
+}
+
+}  // namespace
+}  // namespace dreamsearch::results
