@@ -136,11 +136,17 @@ class Browser:
             file.write(base64.b64decode(data))
 
     def close(self):
-        self.process.terminate()
-        self.process.wait()
+        self.session = None
+        os.write(self.write_end, json.dumps({"id": 0, "method": "Browser.close"}).encode() + b"\0")
+        try:
+            self.process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
 
 
-with tempfile.TemporaryDirectory() as folder:
+# Chromium's helpers may still write to the profile after it has gone.
+with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
     page = os.path.join(folder, "report.html")
     started = time.time()
     subprocess.run([program, "report", page, "--db", database], check=True,
