@@ -80,14 +80,14 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
   }
   // Only tasks that everyone has: nothing is compared on other tasks than others.
   std::vector<std::string> labels = OrderedLabels(groups);
-  labels.erase(std::remove_if(labels.begin(), labels.end(),
-                              [&](const std::string& label) {
-                                if (scores.count(label) > 0) return false;
-                                comparison.notes.push_back(label +
-                                                           " is left out: it has no score.");
-                                return true;
-                              }),
-               labels.end());
+  labels.erase(
+      std::remove_if(labels.begin(), labels.end(),
+                     [&](const std::string& label) {
+                       if (scores.count(label) > 0) return false;
+                       comparison.notes.push_back(label + " is left out: it has no score.");
+                       return true;
+                     }),
+      labels.end());
   for (const std::string& task : all_tasks) {
     std::string lacking;
     for (const std::string& label : labels) {

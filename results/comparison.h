@@ -28,7 +28,7 @@ struct ComparisonRequest {
 // One planner (with what tells it from others) on the compared tasks.
 struct Contender {
   std::string label;
-  Scores scores;    // [task][run], normalised
+  Scores scores;  // [task][run], normalised
   Aggregates aggregates;
   std::vector<Estimate> profile;  // at Comparison::taus
 };

@@ -13,10 +13,10 @@ constexpr std::size_t kGapsShown = 5;
 
 // 97.5 % quantile of Student's t with n - 1 degrees of freedom, n from 2.
 double StudentT(int n) {
-  constexpr std::array kTable = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262,
-                                 2.228,  2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101,
-                                 2.093,  2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052,
-                                 2.048,  2.045, 2.042};
+  constexpr std::array kTable = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306,
+                                 2.262,  2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
+                                 2.110,  2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
+                                 2.060,  2.056, 2.052, 2.048, 2.045, 2.042};
   return n - 2 < static_cast<int>(kTable.size()) ? kTable[static_cast<std::size_t>(n - 2)] : 1.96;
 }
 
@@ -28,10 +28,14 @@ std::string Counted(std::set<int> counts) {
 
 std::string PhaseName(const Line& line, CurvePhase phase) {
   switch (phase) {
-    case CurvePhase::kTraining: return "";
-    case CurvePhase::kSearchEvaluation: return "";
-    case CurvePhase::kActorEvaluation: return "";
-    case CurvePhase::kEvaluation: break;
+    case CurvePhase::kTraining:
+      return "";
+    case CurvePhase::kSearchEvaluation:
+      return "";
+    case CurvePhase::kActorEvaluation:
+      return "";
+    case CurvePhase::kEvaluation:
+      break;
   }
   if (line.published) return "";
   return line.with_search ? " with search" : " actor";
@@ -40,10 +44,18 @@ std::string PhaseName(const Line& line, CurvePhase phase) {
 std::string YLabel(const CurveRequest& request) {
   std::string label;
   switch (request.phase) {
-    case CurvePhase::kEvaluation: label = "evaluation return"; break;
-    case CurvePhase::kTraining: label = "training return"; break;
-    case CurvePhase::kSearchEvaluation: label = "evaluation return with search"; break;
-    case CurvePhase::kActorEvaluation: label = "evaluation return of the actor alone"; break;
+    case CurvePhase::kEvaluation:
+      label = "evaluation return";
+      break;
+    case CurvePhase::kTraining:
+      label = "training return";
+      break;
+    case CurvePhase::kSearchEvaluation:
+      label = "evaluation return with search";
+      break;
+    case CurvePhase::kActorEvaluation:
+      label = "evaluation return of the actor alone";
+      break;
   }
   if (request.smooth > 1) {
     label += ", smoothed over " + std::to_string(request.smooth) + " points";
@@ -53,9 +65,12 @@ std::string YLabel(const CurveRequest& request) {
 
 std::string XLabel(CurveAxis axis) {
   switch (axis) {
-    case CurveAxis::kSteps: return "environment steps (before action repeat)";
-    case CurveAxis::kSeconds: return "seconds of a run, evaluation and recording left out";
-    case CurveAxis::kTransitions: return "model transitions imagined by planning";
+    case CurveAxis::kSteps:
+      return "environment steps (before action repeat)";
+    case CurveAxis::kSeconds:
+      return "seconds of a run, evaluation and recording left out";
+    case CurveAxis::kTransitions:
+      return "model transitions imagined by planning";
   }
   return "";
 }
@@ -208,9 +223,8 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
     }
   }
   for (const std::string& label : order) {
-    figure.legend.push_back(
-        {.text = label + phases[label] + " (" + Counted(counts[label]) + ")",
-         .style = styles[label]});
+    figure.legend.push_back({.text = label + phases[label] + " (" + Counted(counts[label]) + ")",
+                             .style = styles[label]});
   }
 
   std::string note = most_shown >= 2 ? "Line: mean over n seeds." : "Line: one seed.";
@@ -361,8 +375,7 @@ Figure TimeByPlanner(const std::vector<std::unique_ptr<Database>>& databases,
     for (std::size_t p = 0; p < planners.size(); ++p) {
       const Use& use = uses[planners[p]];
       const auto found = use.seconds.find(activities[a]);
-      const double seconds =
-          found == use.seconds.end() ? 0 : 1000 * found->second / use.env_steps;
+      const double seconds = found == use.seconds.end() ? 0 : 1000 * found->second / use.env_steps;
       bar.x.push_back(static_cast<double>(p));
       bar.lo.push_back(floor[p]);
       bar.hi.push_back(floor[p] += seconds);
@@ -376,8 +389,9 @@ Figure TimeByPlanner(const std::vector<std::unique_ptr<Database>>& databases,
     panel.categories.push_back(planner + " (n = " + std::to_string(uses[planner].runs) + ")");
   }
   figure.panels.push_back(std::move(panel));
-  figure.notes.push_back("Wall seconds of all runs of a planner over their environment steps; n "
-                         "runs. Planning includes the posterior update.");
+  figure.notes.push_back(
+      "Wall seconds of all runs of a planner over their environment steps; n "
+      "runs. Planning includes the posterior update.");
   return figure;
 }
 

@@ -32,10 +32,12 @@ std::vector<std::pair<double, double>> Spent(Connection& db, std::int64_t run_id
   Statement rows =
       axis == CurveAxis::kSeconds
           // What the agent needed: neither evaluations nor recording.
-          ? db.Prepare("SELECT env_step, sum(seconds) FROM time_use WHERE run_id = ?1 AND activity"
-                       " NOT IN ('evaluation', 'recording') GROUP BY env_step ORDER BY env_step")
-          : db.Prepare("SELECT env_step, sum(model_transitions) OVER (ORDER BY episode) FROM"
-                       " episode WHERE run_id = ?1 AND phase = 0 ORDER BY episode");
+          ? db.Prepare(
+                "SELECT env_step, sum(seconds) FROM time_use WHERE run_id = ?1 AND activity"
+                " NOT IN ('evaluation', 'recording') GROUP BY env_step ORDER BY env_step")
+          : db.Prepare(
+                "SELECT env_step, sum(model_transitions) OVER (ORDER BY episode) FROM"
+                " episode WHERE run_id = ?1 AND phase = 0 ORDER BY episode");
   rows.Bind(run_id);
   while (rows.Step()) {
     const double step = rows.Real(0);
@@ -153,11 +155,13 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
       curve.env_steps_done = run.env_steps_done;
       curve.env_steps_target = run.env_steps_target;
       Statement points =
-          binned ? db.Prepare("SELECT env_step_bin * 10000, sum_return / n FROM curve_bin"
-                              " WHERE run_id = ?1 AND phase = ?2 AND n > 0 ORDER BY env_step_bin")
-                 : db.Prepare("SELECT env_step, avg(episode_return) FROM episode WHERE run_id = ?1"
-                              " AND phase = ?2 GROUP BY env_step HAVING count(episode_return) > 0"
-                              " ORDER BY env_step");
+          binned ? db.Prepare(
+                       "SELECT env_step_bin * 10000, sum_return / n FROM curve_bin"
+                       " WHERE run_id = ?1 AND phase = ?2 AND n > 0 ORDER BY env_step_bin")
+                 : db.Prepare(
+                       "SELECT env_step, avg(episode_return) FROM episode WHERE run_id = ?1"
+                       " AND phase = ?2 GROUP BY env_step HAVING count(episode_return) > 0"
+                       " ORDER BY env_step");
       points.Bind(run.run_id, phase);
       while (points.Step()) {
         curve.env_step.push_back(points.Int(0));

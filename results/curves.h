@@ -29,12 +29,12 @@ struct CurveRequest {
 struct RunCurve {
   std::int64_t seed = 0;
   std::string uuid;
-  std::string unfinished;         // Unfinished(run)
+  std::string unfinished;  // Unfinished(run)
   std::int64_t env_steps_done = 0;
   std::int64_t env_steps_target = 0;
-  std::vector<double> x;          // of the axis asked for
+  std::vector<double> x;  // of the axis asked for
   std::vector<std::int64_t> env_step;
-  std::vector<double> value;      // mean return of the point's episodes
+  std::vector<double> value;  // mean return of the point's episodes
 };
 
 // The runs of one line: one task and everything else in common but the seed.

@@ -43,7 +43,8 @@ bool IsNetworkFileSystem(const std::string& path) {
     case 0x01161970:  // GFS2
     case 0x7461636f:  // OCFS2
       return true;
-    default: return false;
+    default:
+      return false;
   }
 }
 
@@ -119,8 +120,7 @@ RunInfo ReadRun(const Statement& row) {
   run.ended_utc = row.Text(i++);
   run.heartbeat_utc = row.Text(i++);
   run.result_digest = row.Text(i++);
-  run.heartbeat_age_seconds =
-      row.IsNull(i) ? std::numeric_limits<double>::infinity() : row.Real(i);
+  run.heartbeat_age_seconds = row.IsNull(i) ? std::numeric_limits<double>::infinity() : row.Real(i);
   return run;
 }
 
@@ -252,8 +252,7 @@ void Database::Prepare(OpenMode mode) {
   }
   if (version() > SchemaVersion()) {
     throw Error(kExitBadData, path() + ": has schema " + std::to_string(version()) +
-                                  ", this program knows up to " +
-                                  std::to_string(SchemaVersion()) +
+                                  ", this program knows up to " + std::to_string(SchemaVersion()) +
                                   ". Use the newer program that wrote it.");
   }
   if (version() < SchemaVersion() && mode == OpenMode::kReadOnly) {
@@ -309,9 +308,7 @@ void Database::Prepare(OpenMode mode) {
   db.Execute("PRAGMA journal_size_limit = 67108864");
 }
 
-std::string Database::RunFolder(const std::string& uuid) const {
-  return path() + ".files/" + uuid;
-}
+std::string Database::RunFolder(const std::string& uuid) const { return path() + ".files/" + uuid; }
 
 std::string Database::RelativePath(const std::string& file) const {
   const std::string folder = std::filesystem::path(path()).parent_path().string() + "/";
@@ -324,8 +321,10 @@ std::int64_t Database::Study(const std::string& name, const std::string& descrip
   if (find.Bind(name).Step()) return find.Int(0);
   std::int64_t id = 0;
   connection_->Transact([&] {
-    connection_->Prepare("INSERT INTO study (name, description, created_utc) VALUES (?1, ?2, ?3)"
-                         " ON CONFLICT DO NOTHING")
+    connection_
+        ->Prepare(
+            "INSERT INTO study (name, description, created_utc) VALUES (?1, ?2, ?3)"
+            " ON CONFLICT DO NOTHING")
         .Bind(name, description, UtcNow())
         .Run();
     find.Bind(name).Step();
@@ -451,8 +450,8 @@ BuildInfo Database::GetBuild(std::int64_t build_id) {
   if (!row.Bind(build_id).Step()) {
     throw Error(kExitInternal, path() + ": there is no build row " + std::to_string(build_id));
   }
-  return {row.Text(0), row.Text(1), row.Int(2) != 0, row.Text(3), row.Text(4), row.Text(5),
-          row.Text(6)};
+  return {row.Text(0), row.Text(1), row.Int(2) != 0, row.Text(3),
+          row.Text(4), row.Text(5), row.Text(6)};
 }
 
 std::optional<RunInfo> Database::FindRun(const RunKey& key) {
@@ -505,8 +504,9 @@ void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
   connection_->Transact([&] {
     const std::string now = UtcNow();
     connection_
-        ->Prepare("UPDATE run SET status = ?2, exit_code = ?3, error = ?4, ended_utc = ?5"
-                  " WHERE run_id = ?1")
+        ->Prepare(
+            "UPDATE run SET status = ?2, exit_code = ?3, error = ?4, ended_utc = ?5"
+            " WHERE run_id = ?1")
         .Bind(run_id, name, exit_code, error, ended ? std::optional(now) : std::nullopt)
         .Run();
     if (connection_->Changes() != 1) {
@@ -515,9 +515,10 @@ void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
     UnsealRecord(*connection_, run_id);
     if (!ended) return;
     connection_
-        ->Prepare("UPDATE segment SET ended_utc = ?2, end_reason = ?3, to_env_step ="
-                  " (SELECT env_steps_done FROM run WHERE run_id = ?1)"
-                  " WHERE run_id = ?1 AND ended_utc IS NULL")
+        ->Prepare(
+            "UPDATE segment SET ended_utc = ?2, end_reason = ?3, to_env_step ="
+            " (SELECT env_steps_done FROM run WHERE run_id = ?1)"
+            " WHERE run_id = ?1 AND ended_utc IS NULL")
         .Bind(run_id, now, name)
         .Run();
     SealRecord(*connection_, run_id);
@@ -534,12 +535,13 @@ void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
           .Run();
     }
     connection_
-        ->Prepare("UPDATE run SET study_id = ?2, task_id = ?3, planner = ?4, model = ?5,"
-                  " env_plugin = ?6, model_plugin = ?7, planner_plugin = ?8, config_id = ?9,"
-                  " preset = ?10, seed = ?11, action_repeat = ?12, env_steps_target = ?13,"
-                  " parent_run_id = ?14, argv = ?15, build_id = ?16, env_steps_done = 0,"
-                  " status = 'queued', exit_code = NULL, error = '', ended_utc = NULL,"
-                  " heartbeat_utc = NULL, result_digest = NULL WHERE run_id = ?1")
+        ->Prepare(
+            "UPDATE run SET study_id = ?2, task_id = ?3, planner = ?4, model = ?5,"
+            " env_plugin = ?6, model_plugin = ?7, planner_plugin = ?8, config_id = ?9,"
+            " preset = ?10, seed = ?11, action_repeat = ?12, env_steps_target = ?13,"
+            " parent_run_id = ?14, argv = ?15, build_id = ?16, env_steps_done = 0,"
+            " status = 'queued', exit_code = NULL, error = '', ended_utc = NULL,"
+            " heartbeat_utc = NULL, result_digest = NULL WHERE run_id = ?1")
         .Bind(run_id, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id, run.argv, run.build_id)
@@ -554,8 +556,9 @@ void Database::DeleteRun(std::int64_t run_id) {
   connection_->Transact([&] {
     // The bins go first, so that no trigger maintains what is about to vanish.
     connection_
-        ->Prepare("DELETE FROM curve_bin WHERE run_id IN (SELECT run_id FROM run WHERE run_id = ?1"
-                  " OR parent_run_id = ?1)")
+        ->Prepare(
+            "DELETE FROM curve_bin WHERE run_id IN (SELECT run_id FROM run WHERE run_id = ?1"
+            " OR parent_run_id = ?1)")
         .Bind(run_id)
         .Run();
     connection_->Prepare("DELETE FROM run WHERE run_id = ?1").Bind(run_id).Run();
@@ -599,15 +602,15 @@ RunInfo Database::GetRun(const std::string& id_or_uuid) {
   }
   std::vector<RunInfo> matches;
   if (id_or_uuid.size() >= 4) {
-    Statement find = connection_->Prepare(std::string(kSelectRun) +
-                                          "WHERE substr(r.uuid, 1, length(?1)) = ?1");
+    Statement find =
+        connection_->Prepare(std::string(kSelectRun) + "WHERE substr(r.uuid, 1, length(?1)) = ?1");
     find.Bind(id_or_uuid);
     while (find.Step()) matches.push_back(ReadRun(find));
   }
   if (matches.size() == 1) return matches.front();
   if (matches.size() > 1) {
-    throw Error(kExitUsage, path() + ": run '" + id_or_uuid + "' is ambiguous: " +
-                                matches[0].uuid + " and " + matches[1].uuid + " begin so.");
+    throw Error(kExitUsage, path() + ": run '" + id_or_uuid + "' is ambiguous: " + matches[0].uuid +
+                                " and " + matches[1].uuid + " begin so.");
   }
   const std::int64_t count = connection_->QueryInt("SELECT count(*) FROM run").value_or(0);
   const std::int64_t last = connection_->QueryInt("SELECT max(run_id) FROM run").value_or(0);
@@ -622,8 +625,9 @@ void Database::AddEvent(std::int64_t run_id, std::int64_t env_step, const std::s
                         const std::string& kind, const std::string& detail) {
   connection_->Transact([&] {
     connection_
-        ->Prepare("INSERT INTO event SELECT ?1, (SELECT ifnull(max(seq) + 1, 0) FROM event"
-                  " WHERE run_id = ?1), ?2, ?3, ?4, ?5, ?6")
+        ->Prepare(
+            "INSERT INTO event SELECT ?1, (SELECT ifnull(max(seq) + 1, 0) FROM event"
+            " WHERE run_id = ?1), ?2, ?3, ?4, ?5, ?6")
         .Bind(run_id, env_step, UtcNow(), level, kind, detail)
         .Run();
     if (ReadRecord(*connection_, run_id)) SealRecord(*connection_, run_id);
@@ -642,8 +646,7 @@ std::string Database::ComputeResultDigest(std::int64_t run_id) {
   rows.Bind(run_id);
   while (rows.Step()) {
     for (int i = 0; i < 4; ++i) append(static_cast<std::uint64_t>(rows.Int(i)));
-    const double value =
-        rows.IsNull(4) ? std::numeric_limits<double>::quiet_NaN() : rows.Real(4);
+    const double value = rows.IsNull(4) ? std::numeric_limits<double>::quiet_NaN() : rows.Real(4);
     std::uint64_t bits;
     std::memcpy(&bits, &value, sizeof bits);
     append(bits);

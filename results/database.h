@@ -58,10 +58,10 @@ struct PluginInfo {
 };
 
 struct BuildInfo {
-  std::string version;          // of the project
-  std::string commit;           // empty when unknown
-  bool dirty = false;           // built from a changed tree
-  std::string compiler;         // "g++ 12.2.0"
+  std::string version;   // of the project
+  std::string commit;    // empty when unknown
+  bool dirty = false;    // built from a changed tree
+  std::string compiler;  // "g++ 12.2.0"
   std::string flags;
   std::string instruction_set;  // what the numeric code was built for
   std::string libraries;        // JSON object, library to version
@@ -141,10 +141,10 @@ struct RunInfo {
   std::string argv;
   std::int64_t build_id = 0;
   std::string created_utc;
-  std::string ended_utc;      // empty while it has not ended
-  std::string heartbeat_utc;  // empty before the first
+  std::string ended_utc;             // empty while it has not ended
+  std::string heartbeat_utc;         // empty before the first
   double heartbeat_age_seconds = 0;  // by this machine's clock; infinite before the first
-  std::string result_digest;  // empty until it has finished
+  std::string result_digest;         // empty until it has finished
 };
 
 // Empty lists let everything through.

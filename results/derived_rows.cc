@@ -100,9 +100,7 @@ EpisodeRow ReadEpisode(const Statement& row) {
 
 std::int64_t BinOf(std::int64_t env_step) { return (env_step + kBinSteps - 1) / kBinSteps; }
 
-std::int64_t FirstStepOfBin(std::int64_t bin) {
-  return bin <= 0 ? 0 : (bin - 1) * kBinSteps + 1;
-}
+std::int64_t FirstStepOfBin(std::int64_t bin) { return bin <= 0 ? 0 : (bin - 1) * kBinSteps + 1; }
 
 Chunks ComputeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin) {
   Chunks chunks;
@@ -122,8 +120,9 @@ Chunks ComputeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin
     chunks[{"episode", BinOf(row.env_step)}].Add(RowDigest(row));
   }
   Statement metrics = db.Prepare("SELECT metric_id, name, unit FROM metric");
-  Statement scalars = db.Prepare("SELECT env_step, value FROM scalar WHERE run_id = ?1 AND"
-                                 " metric_id = ?2 AND env_step >= ?3");
+  Statement scalars = db.Prepare(
+      "SELECT env_step, value FROM scalar WHERE run_id = ?1 AND"
+      " metric_id = ?2 AND env_step >= ?3");
   while (metrics.Step()) {
     const std::uint64_t metric = MetricDigest(metrics.Text(1), metrics.Text(2));
     scalars.Bind(run_id, metrics.Int(0), first_step);
@@ -137,8 +136,9 @@ Chunks ComputeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin
 
 Chunks ReadChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin) {
   Chunks chunks;
-  Statement rows = db.Prepare("SELECT tbl, last_step, n_rows, digest FROM chunk_digest"
-                              " WHERE run_id = ?1 AND first_step >= ?2");
+  Statement rows = db.Prepare(
+      "SELECT tbl, last_step, n_rows, digest FROM chunk_digest"
+      " WHERE run_id = ?1 AND first_step >= ?2");
   rows.Bind(run_id, FirstStepOfBin(first_bin));
   while (rows.Step()) {
     chunks[{rows.Text(0), BinOf(rows.Int(1))}] = {rows.Int(2),
@@ -149,13 +149,16 @@ Chunks ReadChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin) {
 
 void ApplyChunks(Connection& db, std::int64_t run_id, const Chunks& differences) {
   // Read, add and write: SQL's + turns into a real number when it overflows.
-  Statement read = db.Prepare("SELECT n_rows, digest FROM chunk_digest WHERE run_id = ?1 AND"
-                              " tbl = ?2 AND first_step = ?3");
-  Statement write = db.Prepare("INSERT INTO chunk_digest (run_id, tbl, first_step, last_step,"
-                               " n_rows, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO"
-                               " UPDATE SET n_rows = excluded.n_rows, digest = excluded.digest");
-  Statement remove = db.Prepare("DELETE FROM chunk_digest WHERE run_id = ?1 AND tbl = ?2 AND"
-                                " first_step = ?3");
+  Statement read = db.Prepare(
+      "SELECT n_rows, digest FROM chunk_digest WHERE run_id = ?1 AND"
+      " tbl = ?2 AND first_step = ?3");
+  Statement write = db.Prepare(
+      "INSERT INTO chunk_digest (run_id, tbl, first_step, last_step,"
+      " n_rows, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO"
+      " UPDATE SET n_rows = excluded.n_rows, digest = excluded.digest");
+  Statement remove = db.Prepare(
+      "DELETE FROM chunk_digest WHERE run_id = ?1 AND tbl = ?2 AND"
+      " first_step = ?3");
   for (const auto& [key, difference] : differences) {
     const auto& [table, bin] = key;
     Chunk chunk = difference;
@@ -201,7 +204,8 @@ constexpr const char* kRecord[] = {
     " s.instruction_set, s.pid, s.from_env_step, s.to_env_step, s.started_utc, s.ended_utc,"
     " s.end_reason, s.rows_rolled_back, s.slurm_job FROM segment s JOIN host h USING (host_id)"
     " LEFT JOIN build b ON b.build_id = s.build_id WHERE s.run_id = ?1 ORDER BY s.segment",
-    "SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, activity",
+    "SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, "
+    "activity",
     "SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq",
     "SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
     " ORDER BY kind, env_step, sha256, bytes",
@@ -240,17 +244,19 @@ Chunk ComputeRecord(Connection& db, std::int64_t run_id) {
 }
 
 std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id) {
-  Statement row = db.Prepare("SELECT n_rows, digest FROM chunk_digest WHERE run_id = ?1 AND"
-                             " tbl = 'run'");
+  Statement row = db.Prepare(
+      "SELECT n_rows, digest FROM chunk_digest WHERE run_id = ?1 AND"
+      " tbl = 'run'");
   if (!row.Bind(run_id).Step()) return std::nullopt;
   return Chunk{row.Int(0), static_cast<std::uint64_t>(row.Int(1))};
 }
 
 void SealRecord(Connection& db, std::int64_t run_id) {
   const Chunk record = ComputeRecord(db, run_id);
-  db.Prepare("INSERT INTO chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"
-             " VALUES (?1, 'run', -1, -1, ?2, ?3) ON CONFLICT DO UPDATE SET"
-             " n_rows = excluded.n_rows, digest = excluded.digest")
+  db.Prepare(
+        "INSERT INTO chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"
+        " VALUES (?1, 'run', -1, -1, ?2, ?3) ON CONFLICT DO UPDATE SET"
+        " n_rows = excluded.n_rows, digest = excluded.digest")
       .Bind(run_id, record.rows, static_cast<std::int64_t>(record.digest))
       .Run();
 }
@@ -261,11 +267,12 @@ void UnsealRecord(Connection& db, std::int64_t run_id) {
 
 void RemakeCurveBins(Connection& db, std::int64_t run_id) {
   db.Prepare("DELETE FROM curve_bin WHERE run_id = ?1").Bind(run_id).Run();
-  db.Prepare("INSERT INTO curve_bin SELECT run_id, phase, (env_step + 9999) / 10000,"
-             " episode_return IS NOT NULL, ifnull(episode_return, 0.0), episode_return IS NULL"
-             " FROM episode WHERE run_id = ?1 ORDER BY phase, episode ON CONFLICT DO UPDATE SET"
-             " n = n + excluded.n, sum_return = sum_return + excluded.sum_return,"
-             " nonfinite = nonfinite + excluded.nonfinite")
+  db.Prepare(
+        "INSERT INTO curve_bin SELECT run_id, phase, (env_step + 9999) / 10000,"
+        " episode_return IS NOT NULL, ifnull(episode_return, 0.0), episode_return IS NULL"
+        " FROM episode WHERE run_id = ?1 ORDER BY phase, episode ON CONFLICT DO UPDATE SET"
+        " n = n + excluded.n, sum_return = sum_return + excluded.sum_return,"
+        " nonfinite = nonfinite + excluded.nonfinite")
       .Bind(run_id)
       .Run();
 }

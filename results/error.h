@@ -10,13 +10,13 @@ namespace dreamsearch::results {
 enum ExitCode : int {
   kExitOk = 0,
   kExitUsage = 2,
-  kExitBadData = 65,          // not our database, a newer schema, damaged or malformed input
-  kExitNoInput = 66,          // no such file or run
-  kExitInternal = 70,         // a defect of ours
-  kExitCannotCreate = 73,     // the database or an output cannot be created
-  kExitInputOutput = 74,      // disk full, input/output error, locked for too long
+  kExitBadData = 65,       // not our database, a newer schema, damaged or malformed input
+  kExitNoInput = 66,       // no such file or run
+  kExitInternal = 70,      // a defect of ours
+  kExitCannotCreate = 73,  // the database or an output cannot be created
+  kExitInputOutput = 74,   // disk full, input/output error, locked for too long
   kExitPermission = 77,
-  kExitVerification = 78,     // stored digests do not match the stored rows
+  kExitVerification = 78,  // stored digests do not match the stored rows
 };
 
 // The message says what was expected, what was found, where (an absolute path)

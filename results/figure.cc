@@ -141,8 +141,8 @@ class Script {
           << " noenhanced font 'DejaVu Sans,9' fontscale 1.875 linewidth 2 pointscale 2"
              " background '#ffffff'\n";
     } else {
-      out << "set terminal pdfcairo size " << Number(width_ / 72) << "in,"
-          << Number(height_ / 72) << "in noenhanced font 'DejaVu Sans,9' fontscale 1"
+      out << "set terminal pdfcairo size " << Number(width_ / 72) << "in," << Number(height_ / 72)
+          << "in noenhanced font 'DejaVu Sans,9' fontscale 1"
           << " background '#ffffff'\n";
     }
     out << "set output 'figure'\n"
@@ -153,14 +153,15 @@ class Script {
            "set grid xtics ytics linetype 1 linecolor rgb '#dddddd' linewidth 0.5\n"
            "set style fill transparent solid 0.2 noborder\n";
     for (std::size_t i = 0; i < figure_.panels.size(); ++i) PlotPanel(i, &out);
-    PlotFrame(&out);
+    // Sizes in the SVG terminal's pixels or in points.
+    PlotFrame(format == "svg" ? "10.5" : "8", &out);
     out << "unset multiplot\nunset output\n";
     return out.str();
   }
 
  private:
-  static constexpr double kEm = 9;             // text size in points
-  static constexpr double kLetter = 0.6 * kEm; // width of a letter, rather too wide
+  static constexpr double kEm = 9;              // text size in points
+  static constexpr double kLetter = 0.6 * kEm;  // width of a letter, rather too wide
   static constexpr double kLineHeight = 14;
   static constexpr double kPad = 8;
 
@@ -177,8 +178,14 @@ class Script {
     rows_ = static_cast<int>((count + static_cast<std::size_t>(columns_) - 1) /
                              static_cast<std::size_t>(columns_));
     rows_ = std::max(rows_, 1);
-    const double panel_width = columns_ == 1 ? 380 : columns_ == 2 ? 250 : columns_ == 3 ? 190 : 150;
-    const double panel_height = columns_ == 1 ? 230 : columns_ == 2 ? 165 : columns_ == 3 ? 130 : 105;
+    const double panel_width = columns_ == 1   ? 380
+                               : columns_ == 2 ? 250
+                               : columns_ == 3 ? 190
+                                               : 150;
+    const double panel_height = columns_ == 1   ? 230
+                                : columns_ == 2 ? 165
+                                : columns_ == 3 ? 130
+                                                : 105;
     left_ = 34;
     for (const Panel& panel : figure_.panels) {
       for (const std::string& name : panel.categories) {
@@ -194,12 +201,12 @@ class Script {
     panel_height_ = panel_height;
     for (const Panel& panel : figure_.panels) {
       if (!panel.categories.empty() && !HasBars(panel)) {
-        panel_height_ = std::max(
-            panel_height_ * 0.5, 18.0 * static_cast<double>(panel.categories.size()) + 12);
+        panel_height_ =
+            std::max(panel_height_ * 0.5, 18.0 * static_cast<double>(panel.categories.size()) + 12);
       }
     }
     cell_width_ = left_ + panel_width_ + RightMargin();
-    cell_height_ = panel_height_ + tics_below_ + kLineHeight + 8;
+    cell_height_ = panel_height_ + tics_below_ + kLineHeight + 13;
     y_label_width_ = figure_.y_label.empty() ? 0 : kLineHeight + 4;
     width_ = kPad + y_label_width_ + columns_ * cell_width_ + kPad;
 
@@ -279,10 +286,9 @@ class Script {
     const double x0 = kPad + y_label_width_ + column * cell_width_ + left_;
     const double y0 = bottom_ + (rows_ - 1 - row) * cell_height_ + tics_below_;
     *out << "set lmargin at screen " << Number(ScreenX(x0)) << "\nset rmargin at screen "
-         << Number(ScreenX(x0 + panel_width_)) << "\nset bmargin at screen "
-         << Number(ScreenY(y0)) << "\nset tmargin at screen "
-         << Number(ScreenY(y0 + panel_height_)) << "\nset title " << Quoted(panel.title)
-         << " offset 0,-0.6\n";
+         << Number(ScreenX(x0 + panel_width_)) << "\nset bmargin at screen " << Number(ScreenY(y0))
+         << "\nset tmargin at screen " << Number(ScreenY(y0 + panel_height_)) << "\nset title "
+         << Quoted(panel.title) << " offset 0,-0.6\n";
     if (panel.x_label.empty()) {
       *out << "unset xlabel\n";
     } else {
@@ -301,8 +307,10 @@ class Script {
       const bool across = series.mark == Series::Mark::kInterval;
       for (const double x : series.x) cover(x, &x_low, &x_high);
       for (const double y : series.y) cover(y, &y_low, &y_high);
-      for (const double v : series.lo) cover(v, across ? &x_low : &y_low, across ? &x_high : &y_high);
-      for (const double v : series.hi) cover(v, across ? &x_low : &y_low, across ? &x_high : &y_high);
+      for (const double v : series.lo)
+        cover(v, across ? &x_low : &y_low, across ? &x_high : &y_high);
+      for (const double v : series.hi)
+        cover(v, across ? &x_low : &y_low, across ? &x_high : &y_high);
     }
     const bool empty = !std::isfinite(x_low) || (!categories && !std::isfinite(y_low));
     if (!std::isfinite(x_low)) x_low = 0, x_high = 1;
@@ -324,8 +332,8 @@ class Script {
       }
       x_axis = LogAxis(std::isfinite(smallest) ? smallest : x_high / 10, x_high);
     } else {
-      const double low = figure_.x_low.value_or(
-          categories ? x_low - 0.05 * (x_high - x_low) : std::min(0.0, x_low));
+      const double low = figure_.x_low.value_or(categories ? x_low - 0.05 * (x_high - x_low)
+                                                           : std::min(0.0, x_low));
       x_axis = LinearAxis(low, figure_.x_high.value_or(x_high), x_ticks,
                           categories && !figure_.x_low, categories && !figure_.x_high);
     }
@@ -334,9 +342,9 @@ class Script {
       y_axis.high = static_cast<double>(panel.categories.size()) - 0.4;
       y_axis.tics = CategoryTics(panel.categories);
     } else {
-      y_axis = LinearAxis(figure_.y_low.value_or(std::min(0.0, y_low)),
-                          figure_.y_high.value_or(y_high), y_ticks, !figure_.y_low,
-                          !figure_.y_high);
+      y_axis =
+          LinearAxis(figure_.y_low.value_or(std::min(0.0, y_low)), figure_.y_high.value_or(y_high),
+                     y_ticks, !figure_.y_low, !figure_.y_high);
     }
     *out << (figure_.x_log && !bars ? "set logscale x\n" : "unset logscale x\n");
     *out << "set xrange [" << Number(x_axis.low) << ":" << Number(x_axis.high) << "]\nset yrange ["
@@ -397,7 +405,8 @@ class Script {
       case Series::Mark::kBar:
         return "using 1:(($3+$4)/2):($1-0.35):($1+0.35):3:4 with boxxyerror fillcolor " + colour +
                " fillstyle solid 0.85 noborder";
-      case Series::Mark::kLine: break;
+      case Series::Mark::kLine:
+        break;
     }
     const bool few = series.x.size() <= 30;
     return std::string("using 1:2 with ") + (few ? "linespoints" : "lines") + " linecolor " +
@@ -406,7 +415,7 @@ class Script {
   }
 
   // Title, axis names, legend and notes, in an empty plot over the whole page.
-  void PlotFrame(std::ostringstream* out) const {
+  void PlotFrame(const char* note_size, std::ostringstream* out) const {
     *out << "reset\nunset key\nunset border\nunset tics\nunset grid\nunset logscale\n"
             "set lmargin at screen 0\nset rmargin at screen 1\n"
             "set bmargin at screen 0\nset tmargin at screen 1\n"
@@ -425,13 +434,12 @@ class Script {
     }
     double y = kPad + kLineHeight / 2;
     for (auto note = notes_.rbegin(); note != notes_.rend(); ++note) {
-      label(*note, kPad, y, "left font ',8' textcolor rgb '#444444'");
+      label(*note, kPad, y, std::string("left font ',") + note_size + "' textcolor rgb '#444444'");
       y += kLineHeight;
     }
     const double legend_bottom = kPad + static_cast<double>(notes_.size()) * kLineHeight + 4;
-    const int legend_rows =
-        static_cast<int>(std::lround((legend_height_ > 0 ? legend_height_ - 5 : 0) /
-                                     (kLineHeight + 1)));
+    const int legend_rows = static_cast<int>(
+        std::lround((legend_height_ > 0 ? legend_height_ - 5 : 0) / (kLineHeight + 1)));
     for (std::size_t i = 0; i < figure_.legend.size(); ++i) {
       const LegendEntry& entry = figure_.legend[i];
       const Style& style = StyleOf(entry.style);
@@ -489,7 +497,8 @@ std::string ReadFile(const std::string& path) {
 // Runs gnuplot on the script in a folder of its own, so that no name of the
 // user's gets into the script, and gives the bytes it made.
 std::string RunGnuplot(const std::string& script) {
-  std::string folder = (std::filesystem::temp_directory_path() / "dreamsearch-figure-XXXXXX").string();
+  std::string folder =
+      (std::filesystem::temp_directory_path() / "dreamsearch-figure-XXXXXX").string();
   if (mkdtemp(folder.data()) == nullptr) {
     throw Error(kExitCannotCreate, folder + ": no temporary folder: " + std::strerror(errno));
   }
@@ -515,8 +524,9 @@ std::string RunGnuplot(const std::string& script) {
                                  const_cast<char* const*>(arguments), environ);
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) {
-    throw Error(kExitNoInput, std::string("gnuplot, which draws the pictures, cannot be started: ") +
-                                  std::strerror(error) + ". Install the package gnuplot-nox.");
+    throw Error(kExitNoInput,
+                std::string("gnuplot, which draws the pictures, cannot be started: ") +
+                    std::strerror(error) + ". Install the package gnuplot-nox.");
   }
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
@@ -528,6 +538,29 @@ std::string RunGnuplot(const std::string& script) {
   return bytes;
 }
 
+// gnuplot leaves a group of its own for every change of pen; most are empty, and
+// they are half of a large picture. Its <title> would show when hovering.
+std::string WithoutEmptyGroups(const std::string& svg) {
+  std::string kept;
+  std::size_t at = 0;
+  while (at < svg.size()) {
+    const std::size_t end = std::min(svg.find('\n', at), svg.size() - 1) + 1;
+    if (svg.compare(at, 9, "<g fill=\"") == 0 && svg.compare(end, 5, "</g>\n") == 0 &&
+        svg[end - 2] == '>') {
+      at = end + 5;
+      continue;
+    }
+    if (svg.compare(at, end - at, "<title>Gnuplot</title>\n") != 0) kept.append(svg, at, end - at);
+    at = end;
+  }
+  return kept;
+}
+
+std::string Picture(const Figure& figure, const std::string& format) {
+  const std::string bytes = RunGnuplot(Script(figure).Text(format));
+  return format == "svg" ? WithoutEmptyGroups(bytes) : bytes;
+}
+
 }  // namespace
 
 bool IsPicturePath(const std::string& path) {
@@ -537,12 +570,12 @@ bool IsPicturePath(const std::string& path) {
 
 void Draw(const Figure& figure, const std::string& path) {
   if (!IsPicturePath(path)) {
-    throw Error(kExitUsage, AbsolutePath(path) + ": expected a picture's suffix, one of .svg, " +
-                                ".png, .pdf");
+    throw Error(kExitUsage,
+                AbsolutePath(path) + ": expected a picture's suffix, one of .svg, " + ".png, .pdf");
   }
-  WriteFile(path, RunGnuplot(Script(figure).Text(Suffix(path))));
+  WriteFile(path, Picture(figure, Suffix(path)));
 }
 
-std::string DrawSvg(const Figure& figure) { return RunGnuplot(Script(figure).Text("svg")); }
+std::string DrawSvg(const Figure& figure) { return Picture(figure, "svg"); }
 
 }  // namespace dreamsearch::results

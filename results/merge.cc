@@ -47,7 +47,8 @@ class Merger {
       return !a.parent_run_id && b.parent_run_id;
     });
     const Attached attached(&db_, source_->path());
-    db_.Execute("CREATE TEMP TABLE IF NOT EXISTS metric_map (old INTEGER PRIMARY KEY, new INTEGER)");
+    db_.Execute(
+        "CREATE TEMP TABLE IF NOT EXISTS metric_map (old INTEGER PRIMARY KEY, new INTEGER)");
     MapMetrics();
     for (const RunInfo& run : runs) db_.Transact([&] { MergeRun(run); });
     db_.Transact([this] { MergePublished(); });
@@ -57,11 +58,12 @@ class Merger {
  private:
   void MapMetrics() {
     db_.Transact([this] {
-      db_.Execute("DELETE FROM temp.metric_map;"
-                  "INSERT INTO metric (name, unit, doc) SELECT name, unit, doc FROM source.metric"
-                  " WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING;"
-                  "INSERT INTO temp.metric_map SELECT s.metric_id, m.metric_id FROM source.metric s"
-                  " JOIN main.metric m USING (name, unit)");
+      db_.Execute(
+          "DELETE FROM temp.metric_map;"
+          "INSERT INTO metric (name, unit, doc) SELECT name, unit, doc FROM source.metric"
+          " WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING;"
+          "INSERT INTO temp.metric_map SELECT s.metric_id, m.metric_id FROM source.metric s"
+          " JOIN main.metric m USING (name, unit)");
     });
   }
 
@@ -117,11 +119,12 @@ class Merger {
       ++result_.added;
     }
     merged_[run.run_id] = run_id;
-    db_.Prepare("UPDATE run SET uuid = ?2, env_steps_done = ?3, status = ?4, log_path = ?5,"
-                " exit_code = ?6, error = ?7, created_utc = ?8, ended_utc = ?9,"
-                " heartbeat_utc = ?10, result_digest = ?11 WHERE run_id = ?1")
-        .Bind(run_id, run.uuid, run.env_steps_done, RunStatusName(run.status),
-              Moved(run.log_path), run.exit_code, run.error, run.created_utc, Maybe(run.ended_utc),
+    db_.Prepare(
+           "UPDATE run SET uuid = ?2, env_steps_done = ?3, status = ?4, log_path = ?5,"
+           " exit_code = ?6, error = ?7, created_utc = ?8, ended_utc = ?9,"
+           " heartbeat_utc = ?10, result_digest = ?11 WHERE run_id = ?1")
+        .Bind(run_id, run.uuid, run.env_steps_done, RunStatusName(run.status), Moved(run.log_path),
+              run.exit_code, run.error, run.created_utc, Maybe(run.ended_utc),
               Maybe(run.heartbeat_utc), Maybe(run.result_digest))
         .Run();
     CopyRows(run.run_id, run_id);
@@ -147,11 +150,12 @@ class Merger {
   NewRun Provenance(const RunInfo& run, std::optional<std::int64_t> parent) {
     NewRun copy;
     copy.study_id = target_->Study(run.study);
-    db_.Prepare("UPDATE main.study SET"
-                " created_utc = min(created_utc, (SELECT created_utc FROM source.study s"
-                " WHERE s.name = study.name)),"
-                " description = max(description, (SELECT description FROM source.study s"
-                " WHERE s.name = study.name)) WHERE study_id = ?1")
+    db_.Prepare(
+           "UPDATE main.study SET"
+           " created_utc = min(created_utc, (SELECT created_utc FROM source.study s"
+           " WHERE s.name = study.name)),"
+           " description = max(description, (SELECT description FROM source.study s"
+           " WHERE s.name = study.name)) WHERE study_id = ?1")
         .Bind(copy.study_id)
         .Run();
     copy.task_id = target_->Task(TaskOf(run.task));
@@ -176,7 +180,7 @@ class Merger {
         "SELECT domain, observation_size, action_size, control_seconds, substeps, episode_steps,"
         " return_low, return_high FROM task WHERE name = ?1");
     row.Bind(name).Step();
-    return {name,       row.Text(0), row.Int(1), row.Int(2), row.Real(3),
+    return {name,       row.Text(0), row.Int(1),  row.Int(2), row.Real(3),
             row.Int(4), row.Int(5),  row.Real(6), row.Real(7)};
   }
   std::optional<std::int64_t> PluginOf(const std::optional<std::int64_t>& id) {
@@ -186,7 +190,8 @@ class Merger {
 
   void CopyRows(std::int64_t from, std::int64_t to) {
     Statement segments = source_->connection().Prepare(
-        "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, s.build_id FROM segment"
+        "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, s.build_id FROM "
+        "segment"
         " s JOIN host h USING (host_id) WHERE s.run_id = ?1 ORDER BY s.segment");
     Statement copy_segment = db_.Prepare(
         "INSERT INTO main.segment (run_id, segment, host_id, build_id, instruction_set, pid,"
@@ -196,8 +201,8 @@ class Merger {
         " source.segment WHERE run_id = ?1 AND segment = ?3");
     segments.Bind(from);
     while (segments.Step()) {
-      const std::int64_t host = target_->Host({segments.Text(1), segments.Text(2), segments.Int(3),
-                                               segments.Int(4), segments.Text(5)});
+      const std::int64_t host = target_->Host(
+          {segments.Text(1), segments.Text(2), segments.Int(3), segments.Int(4), segments.Text(5)});
       const std::optional<std::int64_t> build = segments.OptionalInt(6);
       copy_segment
           .Bind(from, to, segments.Int(0), host,
@@ -214,7 +219,8 @@ class Merger {
           " episode, env_step, length, episode_return, wall_s, plan_us_mean, plan_us_p95,"
           " model_transitions, digest FROM source.episode WHERE run_id = ?1 ORDER BY phase,"
           " episode",
-          "INSERT INTO main.scalar (run_id, metric_id, env_step, value) SELECT ?2, m.new, s.env_step,"
+          "INSERT INTO main.scalar (run_id, metric_id, env_step, value) SELECT ?2, m.new, "
+          "s.env_step,"
           " s.value FROM source.scalar s JOIN temp.metric_map m ON m.old = s.metric_id WHERE"
           " s.run_id = ?1 ORDER BY m.new, s.env_step",
           "INSERT INTO main.time_use (run_id, env_step, activity, seconds) SELECT ?2, env_step,"
@@ -235,16 +241,17 @@ class Merger {
     artifacts.Bind(from);
     while (artifacts.Step()) {
       copy_artifact
-          .Bind(to, Moved(artifacts.Text(0)), artifacts.Text(1), artifacts.Int(2),
-                artifacts.Int(3), artifacts.Text(4))
+          .Bind(to, Moved(artifacts.Text(0)), artifacts.Text(1), artifacts.Int(2), artifacts.Int(3),
+                artifacts.Text(4))
           .Run();
     }
   }
 
   void MergePublished() {
-    db_.Execute("INSERT INTO main.published SELECT * FROM source.published WHERE true"
-                " ON CONFLICT DO UPDATE SET"
-                " episode_return = min(episode_return, excluded.episode_return)");
+    db_.Execute(
+        "INSERT INTO main.published SELECT * FROM source.published WHERE true"
+        " ON CONFLICT DO UPDATE SET"
+        " episode_return = min(episode_return, excluded.episode_return)");
   }
 
   Database* target_;

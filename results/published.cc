@@ -37,8 +37,10 @@ std::vector<CsvRow> ParseCsv(const std::string& path, const std::string& bytes) 
         ++i;
         while (true) {
           if (i >= bytes.size()) Malformed(path, std::to_string(row.line), "a quote does not end");
-          if (bytes[i] == '"' && i + 1 < bytes.size() && bytes[i + 1] == '"') ++i;
-          else if (bytes[i] == '"') break;
+          if (bytes[i] == '"' && i + 1 < bytes.size() && bytes[i + 1] == '"')
+            ++i;
+          else if (bytes[i] == '"')
+            break;
           if (bytes[i] == '\n') ++line;
           field += bytes[i++];
         }
@@ -71,8 +73,9 @@ std::int64_t ToSteps(const std::string& path, const std::string& where, double v
                      const ImportSettings& settings) {
   const double steps = value * static_cast<double>(settings.steps_per_unit);
   if (!(steps >= 0) || steps > static_cast<double>(kMostSteps) || steps != std::floor(steps)) {
-    Malformed(path, where, "environment steps: expected a whole number from 0 to 2^53, found " +
-                               ExactText(steps));
+    Malformed(
+        path, where,
+        "environment steps: expected a whole number from 0 to 2^53, found " + ExactText(steps));
   }
   return static_cast<std::int64_t>(steps);
 }
@@ -81,8 +84,8 @@ std::int64_t ToSeed(const std::string& path, const std::string& where, const std
   std::int64_t seed = 0;
   const auto end = std::from_chars(text.data(), text.data() + text.size(), seed);
   if (end.ec != std::errc() || end.ptr != text.data() + text.size() || seed < 0) {
-    Malformed(path, where, "seed: expected a whole number of at least 0, found '" +
-                               Printable(text) + "'");
+    Malformed(path, where,
+              "seed: expected a whole number of at least 0, found '" + Printable(text) + "'");
   }
   return seed;
 }
@@ -104,8 +107,9 @@ std::vector<PublishedPoint> ParseScores(const std::string& path, const std::vect
   for (std::size_t r = 1; r < rows.size(); ++r) {
     const std::string where = std::to_string(rows[r].line);
     if (rows[r].fields.size() != rows[0].fields.size()) {
-      Malformed(path, where, "expected " + std::to_string(rows[0].fields.size()) +
-                                 " fields, found " + std::to_string(rows[r].fields.size()));
+      Malformed(path, where,
+                "expected " + std::to_string(rows[0].fields.size()) + " fields, found " +
+                    std::to_string(rows[r].fields.size()));
     }
     const auto field = [&](const char* name) -> std::string {
       const auto found = columns.find(name);
@@ -147,8 +151,9 @@ std::vector<PublishedPoint> ParseTdmpc(const std::string& path, const std::vecto
   for (std::size_t r = 1; r < rows.size(); ++r) {
     const std::string where = std::to_string(rows[r].line);
     if (rows[r].fields.size() != rows[0].fields.size()) {
-      Malformed(path, where, "expected " + std::to_string(rows[0].fields.size()) +
-                                 " fields, found " + std::to_string(rows[r].fields.size()));
+      Malformed(path, where,
+                "expected " + std::to_string(rows[0].fields.size()) + " fields, found " +
+                    std::to_string(rows[r].fields.size()));
     }
     PublishedPoint point;
     point.source = Or(settings.source, method);
@@ -200,8 +205,9 @@ std::vector<PublishedPoint> ParseDreamer(const std::string& path, const std::str
     };
     const std::vector<double> xs = numbers("xs"), ys = numbers("ys");
     if (xs.size() != ys.size()) {
-      Malformed(path, where, "expected as many ys as xs, found " + std::to_string(xs.size()) +
-                                 " xs and " + std::to_string(ys.size()) + " ys");
+      Malformed(path, where,
+                "expected as many ys as xs, found " + std::to_string(xs.size()) + " xs and " +
+                    std::to_string(ys.size()) + " ys");
     }
     PublishedPoint point;
     point.method = Or(settings.method, text("method"));

@@ -15,18 +15,29 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t kMostPoints = 50;
+constexpr std::size_t kMostPoints = 40;
 
 std::string Escaped(const std::string& text) {
   std::string html;
   for (const char c : Printable(text)) {
     switch (c) {
-      case '&': html += "&amp;"; break;
-      case '<': html += "&lt;"; break;
-      case '>': html += "&gt;"; break;
-      case '"': html += "&quot;"; break;
-      case '\'': html += "&#39;"; break;
-      default: html += c;
+      case '&':
+        html += "&amp;";
+        break;
+      case '<':
+        html += "&lt;";
+        break;
+      case '>':
+        html += "&gt;";
+        break;
+      case '"':
+        html += "&quot;";
+        break;
+      case '\'':
+        html += "&#39;";
+        break;
+      default:
+        html += c;
     }
   }
   return html;
@@ -98,8 +109,7 @@ class Page {
         homes_.push_back(database.get());
       }
     }
-    const std::string title =
-        request_.title.empty() ? "Results: " + StudyNames() : request_.title;
+    const std::string title = request_.title.empty() ? "Results: " + StudyNames() : request_.title;
     html_ << "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
           << "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>"
           << Escaped(title) << "</title>\n<style>" << PageStyle() << "</style>\n"
@@ -113,8 +123,9 @@ class Page {
     Comparisons();
     Runs();
     Settings();
-    html_ << "<script type=\"application/json\" id=\"data\">" << Data(curves) << "</script>\n<script>"
-          << ChartLibrary() << "</script>\n<script>" << PageScript() << "</script>\n</body>\n</html>\n";
+    html_ << "<script type=\"application/json\" id=\"data\">" << Data(curves)
+          << "</script>\n<script>" << ChartLibrary() << "</script>\n<script>" << PageScript()
+          << "</script>\n</body>\n</html>\n";
     return html_.str();
   }
 
@@ -185,12 +196,15 @@ class Page {
     for (const RunInfo& run : runs_) ++by_status[RunStatusName(run.status)];
     std::string text = Grouped(static_cast<std::int64_t>(runs_.size())) + " runs";
     for (const auto& [status, count] : by_status) {
-      text += (status == by_status.begin()->first ? ": " : ", ") + std::to_string(count) + " " + status;
+      text +=
+          (status == by_status.begin()->first ? ": " : ", ") + std::to_string(count) + " " + status;
     }
     html_ << "<p>" << Escaped(text) << ".</p>\n";
     const std::vector<std::string> gaps = Gaps(lines_);
     if (gaps.empty()) {
-      Note("Nothing is missing: every planner has every seed of every task, and every run finished.");
+      Note(
+          "Nothing is missing: every planner has every seed of every task, and every run "
+          "finished.");
       return;
     }
     html_ << "<details open><summary>" << gaps.size()
@@ -231,8 +245,9 @@ class Page {
     }
     html_ << "</div>\n";
     Picture(CurvesByTask(lines_, curves, CurveInterval::kMinMax), "Learning curves by task", false);
-    Query("SELECT task, planner, env_step, mean, lo, hi, seeds FROM v_curve\nWHERE phase = CASE "
-          "planner WHEN 'dreamer' THEN 2 ELSE 1 END\nORDER BY task, planner, env_step");
+    Query(
+        "SELECT task, planner, env_step, mean, lo, hi, seeds FROM v_curve\nWHERE phase = CASE "
+        "planner WHEN 'dreamer' THEN 2 ELSE 1 END\nORDER BY task, planner, env_step");
   }
 
   void OverTasks(const CurveRequest& curves) {
@@ -241,16 +256,18 @@ class Page {
     Note("Returns are normalised by each task's range. Shown where every seed has every task.");
     CurveFigure("all", "mean over " + std::to_string(tasks_.size()) + " tasks");
     Picture(CurvesOverTasks(lines_, curves), "Mean over tasks", false);
-    Query("SELECT c.planner, c.env_step, avg((c.mean - t.return_low) / (t.return_high - "
-          "t.return_low)) AS score, count(*) AS tasks\nFROM v_curve c JOIN task t ON t.name = c.task "
-          "WHERE c.phase = CASE c.planner WHEN 'dreamer' THEN 2 ELSE 1 END\nGROUP BY c.planner, "
-          "c.env_step");
+    Query(
+        "SELECT c.planner, c.env_step, avg((c.mean - t.return_low) / (t.return_high - "
+        "t.return_low)) AS score, count(*) AS tasks\nFROM v_curve c JOIN task t ON t.name = c.task "
+        "WHERE c.phase = CASE c.planner WHEN 'dreamer' THEN 2 ELSE 1 END\nGROUP BY c.planner, "
+        "c.env_step");
   }
 
   void Time() {
     Heading("time", "Time");
-    html_ << "<figure><div class=\"chart\"><canvas id=\"time\" role=\"img\" aria-label=\"Seconds by "
-             "planner and activity; the table below has the numbers.\"></canvas></div></figure>\n";
+    html_
+        << "<figure><div class=\"chart\"><canvas id=\"time\" role=\"img\" aria-label=\"Seconds by "
+           "planner and activity; the table below has the numbers.\"></canvas></div></figure>\n";
     const Figure figure = TimeByPlanner(databases_, request_.filter);
     Picture(figure, "Seconds by planner and activity", false);
     Table table = {{"planner"}, {}};
@@ -271,8 +288,9 @@ class Page {
       time_["activities"].push_back({{"name", figure.legend[s].text}, {"seconds", seconds}});
     }
     HtmlTable(table, "Seconds for 1,000 environment steps; n runs");
-    Query("SELECT planner, activity, sum(seconds_of_all_runs) / sum(env_steps * runs) * 1000 AS "
-          "seconds\nFROM v_time GROUP BY planner, activity");
+    Query(
+        "SELECT planner, activity, sum(seconds_of_all_runs) / sum(env_steps * runs) * 1000 AS "
+        "seconds\nFROM v_time GROUP BY planner, activity");
   }
 
   void Comparisons() {
@@ -286,25 +304,30 @@ class Page {
       Note(std::string("Nothing to compare. ") + error.what());
       return;
     }
-    Note("A score is the mean return of the evaluations in the last tenth of the budget, as a share "
-         "of the task's range. Intervals: 95 %, stratified bootstrap, " +
-         Grouped(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
-         " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
+    Note(
+        "A score is the mean return of the evaluations in the last tenth of the budget, as a share "
+        "of the task's range. Intervals: 95 %, stratified bootstrap, " +
+        Grouped(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
+        " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
     for (const std::string& note : comparison.notes) Note(note);
-    HtmlTable(AggregateTable(comparison), "Over " + std::to_string(comparison.tasks.size()) + " tasks");
-    Picture(IntervalFigure(comparison), "Aggregate statistics with intervals; the table has the numbers",
-            true);
+    HtmlTable(AggregateTable(comparison),
+              "Over " + std::to_string(comparison.tasks.size()) + " tasks");
+    Picture(IntervalFigure(comparison),
+            "Aggregate statistics with intervals; the table has the numbers", true);
     if (comparison.contenders.size() > 1) {
-      HtmlTable(ImprovementTable(comparison), "Probability that a run of X scores higher than one of Y");
-      Picture(ImprovementFigure(comparison), "Probability of improvement; the table has the numbers",
-              true);
+      HtmlTable(ImprovementTable(comparison),
+                "Probability that a run of X scores higher than one of Y");
+      Picture(ImprovementFigure(comparison),
+              "Probability of improvement; the table has the numbers", true);
     }
     Picture(ProfileFigure(comparison), "Performance profiles", true);
     html_ << "<details><summary>Scores by task</summary>\n";
     HtmlTable(ScoreTable(comparison), "Normalised scores");
     html_ << "</details>\n";
-    Query("SELECT task, planner, seed, score, normalised FROM v_final\nWHERE phase = CASE planner WHEN "
-          "'dreamer' THEN 2 ELSE 1 END ORDER BY task, planner, seed");
+    Query(
+        "SELECT task, planner, seed, score, normalised FROM v_final\nWHERE phase = CASE planner "
+        "WHEN "
+        "'dreamer' THEN 2 ELSE 1 END ORDER BY task, planner, seed");
   }
 
   void Runs() {
@@ -336,7 +359,7 @@ class Page {
         if (id) ++plugins[{homes_[i], *id}];
       }
     }
-    constexpr std::size_t kShown = 20;
+    constexpr std::size_t kShown = 8;
     std::size_t shown = 0;
     for (const auto& [sha, entry] : configs) {
       if (++shown > kShown) break;
@@ -356,7 +379,8 @@ class Page {
       Note("and " + std::to_string(configs.size() - kShown) +
            " more settings; `SELECT * FROM config` lists all.");
     }
-    Table programs = {{"version", "commit", "compiler", "instruction set", "libraries", "runs"}, {}};
+    Table programs = {{"version", "commit", "compiler", "instruction set", "libraries", "runs"},
+                      {}};
     for (const auto& [key, count] : builds) {
       const BuildInfo build = key.first->GetBuild(key.second);
       programs.rows.push_back({build.version, build.commit + (build.dirty ? " with changes" : ""),

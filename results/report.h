@@ -19,7 +19,7 @@ struct ReportRequest {
 
 // The page: learning curves by task and over tasks, time, comparison, what is
 // missing, settings, machines, and the query behind each figure. With scripting it
-// can be explored; without, it shows static pictures. At most 50 points a run are
+// can be explored; without, it shows static pictures. At most 40 points a run are
 // kept; the page says how many steps one stands for.
 std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
                        const ReportRequest& request);

@@ -15,13 +15,12 @@ namespace {
 constexpr std::array kPaperOrder = {"dreamer", "rollout", "mcts_pw", "mcts_fixed"};
 
 std::size_t PaperRank(const std::string& planner) {
-  return static_cast<std::size_t>(
-      std::find(kPaperOrder.begin(), kPaperOrder.end(), planner) - kPaperOrder.begin());
+  return static_cast<std::size_t>(std::find(kPaperOrder.begin(), kPaperOrder.end(), planner) -
+                                  kPaperOrder.begin());
 }
 
 bool HasEpisodes(Connection& db, std::int64_t run_id, int phase) {
-  Statement found =
-      db.Prepare("SELECT 1 FROM episode WHERE run_id = ?1 AND phase = ?2 LIMIT 1");
+  Statement found = db.Prepare("SELECT 1 FROM episode WHERE run_id = ?1 AND phase = ?2 LIMIT 1");
   return found.Bind(run_id, phase).Step();
 }
 
@@ -40,9 +39,9 @@ std::map<std::string, std::string> ConfigLabels(const std::map<std::string, std:
   for (const auto& [id, settings] : flat) {
     std::string label;
     for (const auto& [key, seen] : values) {
-      const bool everywhere = std::all_of(flat.begin(), flat.end(), [&key = key](const auto& other) {
-        return other.second.contains(key);
-      });
+      const bool everywhere =
+          std::all_of(flat.begin(), flat.end(),
+                      [&key = key](const auto& other) { return other.second.contains(key); });
       if ((seen.size() < 2 && everywhere) || !settings.contains(key)) continue;
       std::string name = key.substr(1);
       std::replace(name.begin(), name.end(), '/', '.');

@@ -90,8 +90,9 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
     // The bins go first, so that no trigger maintains what is remade below.
     connection_.Prepare("DELETE FROM curve_bin WHERE run_id = ?1").Bind(run_id_).Run();
     connection_
-        .Prepare("DELETE FROM episode WHERE run_id = ?1 AND episode >="
-                 " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END")
+        .Prepare(
+            "DELETE FROM episode WHERE run_id = ?1 AND episode >="
+            " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END")
         .Bind(run_id_, point.training_episodes, point.search_evaluation_episodes,
               point.actor_evaluation_episodes)
         .Run();
@@ -116,24 +117,27 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
     last_segment_.Reset();
     const std::string now = UtcNow();
     connection_
-        .Prepare("UPDATE segment SET ended_utc = ?2, end_reason = 'lost', to_env_step ="
-                 " (SELECT env_steps_done FROM run WHERE run_id = ?1)"
-                 " WHERE run_id = ?1 AND ended_utc IS NULL")
+        .Prepare(
+            "UPDATE segment SET ended_utc = ?2, end_reason = 'lost', to_env_step ="
+            " (SELECT env_steps_done FROM run WHERE run_id = ?1)"
+            " WHERE run_id = ?1 AND ended_utc IS NULL")
         .Bind(run_id_, now)
         .Run();
     connection_
-        .Prepare("INSERT INTO segment (run_id, segment, host_id, build_id, instruction_set, pid,"
-                 " from_env_step, started_utc, rows_rolled_back, slurm_job)"
-                 " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)")
+        .Prepare(
+            "INSERT INTO segment (run_id, segment, host_id, build_id, instruction_set, pid,"
+            " from_env_step, started_utc, rows_rolled_back, slurm_job)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)")
         .Bind(run_id_, number, segment.host_id,
               segment.build_id != 0 ? std::optional(segment.build_id) : std::nullopt,
               segment.instruction_set, segment.pid, point.env_step, now, rolled_back,
               segment.slurm_job.empty() ? std::nullopt : std::optional(segment.slurm_job))
         .Run();
     connection_
-        .Prepare("UPDATE run SET status = 'running', env_steps_done = ?2, heartbeat_utc = ?3,"
-                 " ended_utc = NULL, exit_code = NULL, error = '', result_digest = NULL"
-                 " WHERE run_id = ?1")
+        .Prepare(
+            "UPDATE run SET status = 'running', env_steps_done = ?2, heartbeat_utc = ?3,"
+            " ended_utc = NULL, exit_code = NULL, error = '', result_digest = NULL"
+            " WHERE run_id = ?1")
         .Bind(run_id_, point.env_step, now)
         .Run();
   });
@@ -165,7 +169,9 @@ void RunWriter::CheckFinite(double value, std::int64_t env_step, const char* wha
   if (std::isfinite(value)) return;
   AddEvent(env_step, "warning", "not_finite",
            std::string(what) + " is " +
-               (std::isnan(value) ? "NaN" : value > 0 ? "+infinity" : "-infinity") +
+               (std::isnan(value) ? "NaN"
+                : value > 0       ? "+infinity"
+                                  : "-infinity") +
                "; stored as NULL");
 }
 
@@ -248,8 +254,8 @@ void RunWriter::AddEvent(std::int64_t env_step, const std::string& level, const 
   ++rows_waiting_;  // committed with the row it belongs to
 }
 
-void RunWriter::AddArtifact(const std::string& path, const std::string& kind,
-                            std::int64_t env_step, std::int64_t bytes, const std::string& sha256) {
+void RunWriter::AddArtifact(const std::string& path, const std::string& kind, std::int64_t env_step,
+                            std::int64_t bytes, const std::string& sha256) {
   artifacts_.push_back({database_->RelativePath(path), kind, env_step, bytes, sha256});
   RowAdded();
 }
@@ -265,8 +271,9 @@ void RunWriter::CheckOwnership() {
   }
   if (last != segment_) {
     throw Error(kExitInputOutput, connection_.path() + ": run " + std::to_string(run_id_) +
-                                      (last < 0 ? " was deleted" : " was taken over by another "
-                                                                   "process") +
+                                      (last < 0 ? " was deleted"
+                                                : " was taken over by another "
+                                                  "process") +
                                       " while this process worked on it. Let one of them go on.");
   }
 }
@@ -321,8 +328,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
     }
     largest->second = std::max(largest->second, row.env_step);
     insert_scalar_.Bind(run_id_, row.metric_id, row.env_step, row.value).Run();
-    chunks[{"scalar", BinOf(row.env_step)}].Add(
-        ScalarRowDigest(metric, row.env_step, row.value));
+    chunks[{"scalar", BinOf(row.env_step)}].Add(ScalarRowDigest(metric, row.env_step, row.value));
   }
   ApplyChunks(connection_, run_id_, chunks);
 
@@ -338,8 +344,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
     next.Reset();
   }
   for (const EventRow& row : new_events_) {
-    insert_event_
-        .Bind(run_id_, (*events)++, row.env_step, row.utc, row.level, row.kind, row.detail)
+    insert_event_.Bind(run_id_, (*events)++, row.env_step, row.utc, row.level, row.kind, row.detail)
         .Run();
   }
   for (const ArtifactRow& row : artifacts_) {
@@ -380,8 +385,9 @@ void RunWriter::EndSegment(const std::string& reason, std::int64_t env_step) {
   connection_.Transact([&] {
     CheckOwnership();
     connection_
-        .Prepare("UPDATE segment SET to_env_step = ?3, ended_utc = ?4, end_reason = ?5"
-                 " WHERE run_id = ?1 AND segment = ?2")
+        .Prepare(
+            "UPDATE segment SET to_env_step = ?3, ended_utc = ?4, end_reason = ?5"
+            " WHERE run_id = ?1 AND segment = ?2")
         .Bind(run_id_, segment_, env_step, UtcNow(), reason)
         .Run();
   });
@@ -397,8 +403,9 @@ std::string RunWriter::Finish() {
         .Bind(run_id_, digest)
         .Run();
     connection_
-        .Prepare("UPDATE segment SET to_env_step = ?3, ended_utc = ?4, end_reason = 'finished'"
-                 " WHERE run_id = ?1 AND segment = ?2")
+        .Prepare(
+            "UPDATE segment SET to_env_step = ?3, ended_utc = ?4, end_reason = 'finished'"
+            " WHERE run_id = ?1 AND segment = ?2")
         .Bind(run_id_, segment_, env_steps_done_, UtcNow())
         .Run();
   });

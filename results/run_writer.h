@@ -51,7 +51,7 @@ struct EpisodeRow {
   std::int64_t length = 0;    // environment steps
   double episode_return = 0;
   double wall_seconds = 0;
-  double plan_us_mean = 0;    // microseconds a decision
+  double plan_us_mean = 0;  // microseconds a decision
   double plan_us_p95 = 0;
   std::int64_t model_transitions = 0;  // transitions its planning imagined
   std::uint64_t digest = 0;            // EpisodeDigest::state()
@@ -179,8 +179,7 @@ class RunWriter {
   std::map<std::int64_t, std::uint64_t> metric_digests_;                 // by id
 
   Statement insert_step_, insert_episode_, insert_scalar_, insert_time_use_, insert_event_,
-      insert_artifact_, select_step_, select_episode_, select_scalar_, update_run_,
-      last_segment_;
+      insert_artifact_, select_step_, select_episode_, select_scalar_, update_run_, last_segment_;
 };
 
 }  // namespace dreamsearch::results

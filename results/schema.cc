@@ -229,7 +229,7 @@ CREATE TABLE chunk_digest (
 // The bins follow the episodes. A sum is always that of the bin's returns added
 // in the order of their keys, whatever was inserted, replaced or deleted before,
 // so that a rebuilt bin has the bits of one that grew.
-#define REMAKE_BIN(row)                                                                         \
+#define REMAKE_BIN(row) \
   "DELETE FROM curve_bin WHERE run_id = " row ".run_id AND phase = " row                        \
   ".phase AND env_step_bin = " BIN(row) ";\n"                                                   \
   "INSERT INTO curve_bin SELECT e.run_id, e.phase, " BIN(row) ", e.episode_return IS NOT NULL," \
@@ -267,12 +267,13 @@ SELECT r.run_id, substr(r.uuid, 1, 8) AS uuid, s.name AS study, t.name AS task, 
        r.exit_code, r.error, r.config_id, r.parent_run_id, r.created_utc, r.ended_utc
 FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id);
 
+-- CROSS JOIN keeps this order: of the few runs only those asked for, then their bins.
 CREATE VIEW v_curve_run AS
 SELECT s.name AS study, t.name AS task, r.planner, b.phase, b.env_step_bin,
        b.sum_return / b.n AS mean, b.n AS episodes, r.seed, r.run_id, r.status,
        b.env_step_bin * 10000 AS env_step, r.model, r.config_id, r.action_repeat
-FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
-     JOIN curve_bin b USING (run_id)
+FROM run r CROSS JOIN study s ON s.study_id = r.study_id CROSS JOIN task t ON t.task_id = r.task_id
+     CROSS JOIN curve_bin b ON b.run_id = r.run_id
 WHERE r.parent_run_id IS NULL AND b.n > 0;
 
 -- Seeds are averaged, other things never: runs that differ in model, configuration
@@ -320,6 +321,11 @@ FROM cell JOIN study s USING (study_id) JOIN task t USING (task_id)
        AND r.planner = cell.planner AND r.model = cell.model AND r.seed = cell.seed;
 )sql";
 
+// To make them anew after a change to one.
+constexpr char kDropViews[] =
+    "DROP VIEW v_run; DROP VIEW v_curve; DROP VIEW v_curve_run; DROP VIEW v_final;"
+    " DROP VIEW v_time; DROP VIEW v_matrix;";
+
 // A run that has ended has a digest of its record as well, so `tbl` may be 'run'.
 constexpr char kRecordDigests[] = R"sql(
 CREATE TABLE chunk_digest_2 (
@@ -342,6 +348,7 @@ const std::vector<std::string>& Migrations() {
   static const std::vector<std::string> migrations = {
       std::string(kTables) + kTriggers + kViews,
       kRecordDigests,
+      std::string(kDropViews) + kViews,
   };
   return migrations;
 }

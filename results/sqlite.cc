@@ -59,21 +59,22 @@ bool IsUnchangeable(const std::string& path) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw Error(kExitInputOutput,
-                  where + "another process kept the database locked for 30 seconds. End it, or "
-                          "use another database and merge.");
+                  where +
+                      "another process kept the database locked for 30 seconds. End it, or "
+                      "use another database and merge.");
     case SQLITE_READONLY:
     case SQLITE_PERM:
     case SQLITE_AUTH:
-      throw Error(kExitPermission,
-                  where + "no permission (" + reason + "). Write access to the file and its "
-                          "folder is needed.");
+      throw Error(kExitPermission, where + "no permission (" + reason +
+                                       "). Write access to the file and its "
+                                       "folder is needed.");
     case SQLITE_CANTOPEN:
       throw Error(kExitCannotCreate, where + "cannot be opened (" + reason +
                                          "). Check that the folder exists and can be written.");
     case SQLITE_ERROR:
       if (reason.rfind("no such table", 0) == 0 || reason.rfind("no such column", 0) == 0) {
-        throw Error(kExitBadData, where + reason +
-                                      ": not a whole results database. Restore a copy.");
+        throw Error(kExitBadData,
+                    where + reason + ": not a whole results database. Restore a copy.");
       }
       [[fallthrough]];
     default:
@@ -171,9 +172,15 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE | SQLITE_OPEN_URI;
   switch (mode) {
     case OpenMode::kReadOnly:
-    case OpenMode::kImmutable: flags |= SQLITE_OPEN_READONLY; break;
-    case OpenMode::kReadWrite: flags |= SQLITE_OPEN_READWRITE; break;
-    case OpenMode::kCreate: flags |= SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE; break;
+    case OpenMode::kImmutable:
+      flags |= SQLITE_OPEN_READONLY;
+      break;
+    case OpenMode::kReadWrite:
+      flags |= SQLITE_OPEN_READWRITE;
+      break;
+    case OpenMode::kCreate:
+      flags |= SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+      break;
   }
   const std::string name = mode == OpenMode::kImmutable ? FileUri(path_) + "?immutable=1" : path_;
   const int code = sqlite3_open_v2(name.c_str(), &handle_, flags, nullptr);

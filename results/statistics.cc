@@ -29,9 +29,8 @@ class Generator {
 };
 
 bool HasInterval(const Scores& scores) {
-  return !scores.empty() && std::all_of(scores.begin(), scores.end(), [](const auto& runs) {
-    return runs.size() >= kLeastRuns;
-  });
+  return !scores.empty() && std::all_of(scores.begin(), scores.end(),
+                                        [](const auto& runs) { return runs.size() >= kLeastRuns; });
 }
 
 Interval PercentileInterval(std::vector<double>* values) {

@@ -118,8 +118,9 @@ std::string Grouped(std::int64_t value) {
 }
 
 std::size_t Width(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xc0) != 0x80;
+  }));
 }
 
 std::string Table::Print(TableForm form) const {
@@ -211,10 +212,9 @@ void OutputFile::Fail(const char* what) {
   if (file_ >= 0) close(file_);
   file_ = -1;
   unlink(temporary_.c_str());
-  const int exit_code = error == EACCES || error == EPERM || error == EROFS ? kExitPermission
-                        : error == ENOSPC || error == EIO || error == EDQUOT
-                            ? kExitInputOutput
-                            : kExitCannotCreate;
+  const int exit_code = error == EACCES || error == EPERM || error == EROFS  ? kExitPermission
+                        : error == ENOSPC || error == EIO || error == EDQUOT ? kExitInputOutput
+                                                                             : kExitCannotCreate;
   throw Error(exit_code, path_ + ": cannot be " + what + ": " + std::strerror(error));
 }
 
@@ -252,8 +252,9 @@ std::string ReadWholeFile(const std::string& path) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(absolute.c_str(), "rb"),
                                                              std::fclose);
   const auto fail = [&absolute](int error) {
-    throw Error(error == EACCES ? kExitPermission : error == ENOENT ? kExitNoInput
-                                                                    : kExitInputOutput,
+    throw Error(error == EACCES   ? kExitPermission
+                : error == ENOENT ? kExitNoInput
+                                  : kExitInputOutput,
                 absolute + ": cannot be read: " + std::strerror(error));
   };
   if (file == nullptr) fail(errno);
@@ -266,8 +267,7 @@ std::string ReadWholeFile(const std::string& path) {
 }
 
 std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row) {
-  return ToJson(columns, row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
-         "\n";
+  return ToJson(columns, row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 std::string CsvLine(const std::vector<Cell>& row) {

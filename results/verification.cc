@@ -10,7 +10,7 @@
 namespace dreamsearch::results {
 namespace {
 
-using Bin = std::tuple<std::int64_t, double, std::int64_t>;  // n, sum_return, nonfinite
+using Bin = std::tuple<std::int64_t, double, std::int64_t>;         // n, sum_return, nonfinite
 using Bins = std::map<std::pair<std::int64_t, std::int64_t>, Bin>;  // by phase and bin
 
 Bins StoredBins(Connection& db, std::int64_t run_id) {
@@ -24,8 +24,9 @@ Bins StoredBins(Connection& db, std::int64_t run_id) {
 
 Bins BinsOfEpisodes(Connection& db, std::int64_t run_id) {
   Bins bins;
-  Statement rows = db.Prepare("SELECT phase, env_step, episode_return FROM episode"
-                              " WHERE run_id = ?1 ORDER BY phase, episode");
+  Statement rows = db.Prepare(
+      "SELECT phase, env_step, episode_return FROM episode"
+      " WHERE run_id = ?1 ORDER BY phase, episode");
   rows.Bind(run_id);
   while (rows.Step()) {
     auto& [n, sum, nonfinite] = bins[{rows.Int(0), BinOf(rows.Int(1))}];
@@ -64,8 +65,9 @@ void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>*
   }
   const std::optional<Chunk> record = ReadRecord(db, run.run_id);
   if (record && !(*record == ComputeRecord(db, run.run_id))) {
-    problems->push_back(name + "its record (settings, programs, segments, times, events, files) is "
-                               "not the one it ended with");
+    problems->push_back(name +
+                        "its record (settings, programs, segments, times, events, files) is "
+                        "not the one it ended with");
   }
   if (StoredBins(db, run.run_id) != BinsOfEpisodes(db, run.run_id)) {
     problems->push_back(name + "curve_bin does not follow from its episodes");

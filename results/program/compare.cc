@@ -84,15 +84,15 @@ int CompareCommand(const Words& words) {
   const std::int64_t repetitions =
       ParseNumber(arguments.Get<std::string>("repetitions"), "--repetitions", 100);
   if (repetitions > 10000000) {
-    throw Error(kExitUsage, "--repetitions: expected at most 10000000, found " +
-                                std::to_string(repetitions));
+    throw Error(kExitUsage,
+                "--repetitions: expected at most 10000000, found " + std::to_string(repetitions));
   }
   request.repetitions = static_cast<int>(repetitions);
   const TableForm form = ParseTableForm(arguments.Get<std::string>("format"));
   const std::string kind = arguments.Get<std::string>("figure");
   if (kind != "intervals" && kind != "profiles" && kind != "improvement" && kind != "efficiency") {
-    throw Error(kExitUsage, "no figure '" + kind +
-                                "'. Known: intervals, profiles, improvement, efficiency");
+    throw Error(kExitUsage,
+                "no figure '" + kind + "'. Known: intervals, profiles, improvement, efficiency");
   }
 
   const auto databases = OpenSelected(selection);

@@ -49,14 +49,15 @@ int CurvesCommand(const Words& words) {
     throw Error(kExitUsage, "no kind '" + kind + "'. Known: tasks, mean, time");
   }
   if (!request.published.empty() && request.axis != CurveAxis::kSteps) {
-    throw Error(kExitUsage, "--published curves are known by environment steps only; use --x steps");
+    throw Error(kExitUsage,
+                "--published curves are known by environment steps only; use --x steps");
   }
 
   const auto databases = OpenSelected(selection);
   const std::vector<Line> lines = ReadLines(databases, request);
   if (lines.empty()) {
-    throw Error(kExitNoInput, databases.front()->path() +
-                                  ": holds no runs of that kind. See `results list`.");
+    throw Error(kExitNoInput,
+                databases.front()->path() + ": holds no runs of that kind. See `results list`.");
   }
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)

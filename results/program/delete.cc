@@ -12,8 +12,7 @@ namespace {
 constexpr double kAliveSeconds = 60;
 
 bool IsUuid(const std::string& text) {
-  return text.size() == 36 &&
-         text.find_first_not_of("0123456789abcdef-") == std::string::npos;
+  return text.size() == 36 && text.find_first_not_of("0123456789abcdef-") == std::string::npos;
 }
 
 }  // namespace
@@ -22,7 +21,8 @@ int DeleteCommand(const Words& words) {
   Arguments arguments(
       "delete", "[RUN...] [options]",
       "Deletes runs, named or chosen by --study, --env, --planner, --seed and --status, with all\n"
-      "they recorded and the evaluations of them. Without --yes it only says what it would delete.");
+      "they recorded and the evaluations of them. Without --yes it only says what it would "
+      "delete.");
   arguments.AddDatabase();
   arguments.AddFilter();
   namespace po = boost::program_options;
@@ -37,12 +37,12 @@ int DeleteCommand(const Words& words) {
   }
   const RunFilter& filter = selection.filter;
   const bool chosen = !filter.studies.empty() || !filter.tasks.empty() ||
-                      !filter.planners.empty() || !filter.seeds.empty() ||
-                      !filter.statuses.empty();
+                      !filter.planners.empty() || !filter.seeds.empty() || !filter.statuses.empty();
   if (selection.databases.size() != 1) throw Error(kExitUsage, "delete: expected one --db");
   if (arguments.Has("run") == chosen) {
-    throw Error(kExitUsage, "delete: expected either runs or a choice by --study, --env, --planner, "
-                            "--seed or --status");
+    throw Error(kExitUsage,
+                "delete: expected either runs or a choice by --study, --env, --planner, "
+                "--seed or --status");
   }
   OpenSelected(selection);  // every name asked for must be there
   const auto database = Database::OpenExisting(selection.databases.front());

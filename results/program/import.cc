@@ -43,8 +43,8 @@ int ImportCommand(const Words& words) {
   const auto database = Database::OpenOrCreate(selection.databases.front());
   for (const auto& [file, points] : files) {
     StorePublished(database.get(), points);
-    std::cout << AbsolutePath(file) << ": "
-              << Grouped(static_cast<std::int64_t>(points.size())) << " points\n";
+    std::cout << AbsolutePath(file) << ": " << Grouped(static_cast<std::int64_t>(points.size()))
+              << " points\n";
   }
   return kExitOk;
 }

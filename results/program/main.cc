@@ -54,7 +54,8 @@ int Dispatch(const Words& words) {
     if (words[0] == command.name) return command.run({words.begin() + 1, words.end()});
     known.emplace_back(command.name);
   }
-  throw Error(kExitUsage, "no command '" + Printable(words[0]) + "'." + KnownNames(words[0], known));
+  throw Error(kExitUsage,
+              "no command '" + Printable(words[0]) + "'." + KnownNames(words[0], known));
 }
 
 }  // namespace

@@ -10,9 +10,10 @@
 namespace dreamsearch::results {
 
 int ReportCommand(const Words& words) {
-  Arguments arguments("report", "FILE.html [options]",
-                      "Writes one HTML page that needs neither a network nor other files: learning\n"
-                      "curves to explore, time, comparison, what is missing, settings and machines.");
+  Arguments arguments(
+      "report", "FILE.html [options]",
+      "Writes one HTML page that needs neither a network nor other files: learning\n"
+      "curves to explore, time, comparison, what is missing, settings and machines.");
   arguments.AddDatabase();
   arguments.AddFilter();
   namespace po = boost::program_options;

@@ -71,8 +71,7 @@ int ShowCommand(const Words& words) {
   fact("status", std::string(RunStatusName(run.status)) +
                      (run.exit_code ? ", exit code " + std::to_string(*run.exit_code) : ""));
   fact("error", run.error);
-  fact("environment steps",
-       Grouped(run.env_steps_done) + " of " + Grouped(run.env_steps_target));
+  fact("environment steps", Grouped(run.env_steps_done) + " of " + Grouped(run.env_steps_target));
   if (run.parent_run_id) fact("evaluates run", std::to_string(*run.parent_run_id));
   fact("created", run.created_utc);
   fact("heartbeat", run.heartbeat_utc);
@@ -121,9 +120,10 @@ int ShowCommand(const Words& words) {
         "SELECT * FROM (SELECT seq, env_step, utc, level, kind, detail FROM event WHERE"
         " run_id = ?1 ORDER BY seq DESC LIMIT 20) ORDER BY seq",
         run.run_id);
-  Query(db, "Files",
-        "SELECT path, kind, env_step, bytes FROM artifact WHERE run_id = ?1 ORDER BY env_step, path",
-        run.run_id);
+  Query(
+      db, "Files",
+      "SELECT path, kind, env_step, bytes FROM artifact WHERE run_id = ?1 ORDER BY env_step, path",
+      run.run_id);
 
   Heading("Settings (sha256 " + run.config_sha256.substr(0, 12) + ")");
   const nlohmann::json config = nlohmann::json::parse(run.config_json, nullptr, false);

@@ -8,9 +8,10 @@
 namespace dreamsearch::results {
 
 int VerifyCommand(const Words& words) {
-  Arguments arguments("verify", "[options]",
-                      "Checks the file's structure and every stored row against the digest it was\n"
-                      "written with. Exits 78 if anything does not fit. `runner verify` repeats a run.");
+  Arguments arguments(
+      "verify", "[options]",
+      "Checks the file's structure and every stored row against the digest it was\n"
+      "written with. Exits 78 if anything does not fit. `runner verify` repeats a run.");
   arguments.AddDatabase();
   arguments.AddFilter();
   if (!arguments.Parse(words)) return kExitOk;

@@ -70,8 +70,9 @@ TEST(Database, HasTheTablesAndColumnsOfTheContract) {
     EXPECT_NO_THROW(db->connection().Prepare(query)) << query;
   }
   // STRICT everywhere: a text in a number's place is refused.
-  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM pragma_table_list WHERE schema = 'main' AND"
-                            " type = 'table' AND strict = 0 AND name NOT LIKE 'sqlite_%'"),
+  EXPECT_EQ(Count(db.get(),
+                  "SELECT count(*) FROM pragma_table_list WHERE schema = 'main' AND"
+                  " type = 'table' AND strict = 0 AND name NOT LIKE 'sqlite_%'"),
             0);
 }
 
@@ -116,8 +117,8 @@ TEST(Database, AReadOnlyFolderCanBeReadAndNotWritten) {
     }
     failures +=
         4 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "r?%41.db"); }) != kExitPermission);
-    failures += 8 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "new.db"); }) !=
-                     kExitPermission);
+    failures +=
+        8 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "new.db"); }) != kExitPermission);
     _exit(failures);
   }
   int status = 0;
@@ -129,8 +130,9 @@ TEST(Database, AReadOnlyFolderCanBeReadAndNotWritten) {
 TEST(Database, AFileThatIsNotOursIsRefusedAndUntouched) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.db";
-  Write(path, "This is a text of more than a hundred bytes, which is what an SQLite file's header "
-              "has, and no database at all, nor will it become one.");
+  Write(path,
+        "This is a text of more than a hundred bytes, which is what an SQLite file's header "
+        "has, and no database at all, nor will it become one.");
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, path), kExitBadData);
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, path), kExitBadData);
   std::ifstream file(path);
@@ -317,8 +319,7 @@ TEST(Database, AUuidIsVersionFourAndFoundByItsBeginning) {
   const auto db = Database::OpenOrCreate(folder / "r.db");
   const CreatedRun run = db->CreateRun(MakeNewRun(db.get()));
   EXPECT_TRUE(std::regex_match(
-      run.uuid,
-      std::regex("[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")));
+      run.uuid, std::regex("[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")));
   EXPECT_EQ(db->GetRun(run.uuid.substr(0, 8)).run_id, run.run_id);
   EXPECT_EQ(db->GetRun(std::to_string(run.run_id)).uuid, run.uuid);
   EXPECT_EQ(ExitCodeOf([&] { db->GetRun("zzzz"); }, "no run 'zzzz'"), kExitNoInput);
@@ -400,8 +401,8 @@ TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
   }
   db->DeleteRun(doomed);
   EXPECT_EQ(db->ListRuns().size(), 1u);
-  for (const char* table : {"step", "episode", "scalar", "time_use", "event", "artifact",
-                            "curve_bin", "segment"}) {
+  for (const char* table :
+       {"step", "episode", "scalar", "time_use", "event", "artifact", "curve_bin", "segment"}) {
     EXPECT_EQ(Count(db.get(), std::string("SELECT count(*) FROM ") + table), 1) << table;
     EXPECT_EQ(Count(db.get(), std::string("SELECT run_id FROM ") + table), kept) << table;
   }

@@ -69,7 +69,8 @@ TEST(Processes, OneRunIsMadeOnceHoweverManyAsk) {
   const TemporaryFolder folder;
   std::vector<pid_t> children;
   for (int i = 0; i < kProcesses; ++i) {
-    children.push_back(Spawn([&folder] { MakeRun(Database::OpenOrCreate(folder / "r.db").get()); }));
+    children.push_back(
+        Spawn([&folder] { MakeRun(Database::OpenOrCreate(folder / "r.db").get()); }));
   }
   for (const pid_t child : children) EXPECT_EQ(Wait(child), 0);
   EXPECT_EQ(Count(Database::OpenReadOnly(folder / "r.db").get(), "SELECT count(*) FROM run"), 1);

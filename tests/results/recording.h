@@ -73,8 +73,8 @@ inline std::int64_t MakeRun(Database* db, const RunSettings& settings = {}) {
 
 inline SegmentInfo MakeSegment(Database* db) {
   return {.pid = getpid(),
-          .host_id = db->Host({.hostname = "h", .cpu = "c", .cores = 2, .memory_bytes = 1,
-                               .os = "Debian 12"}),
+          .host_id = db->Host(
+              {.hostname = "h", .cpu = "c", .cores = 2, .memory_bytes = 1, .os = "Debian 12"}),
           .instruction_set = "avx2"};
 }
 

@@ -195,11 +195,10 @@ TEST_F(RunWriterTest, AResumeRemakesEveryRowToTheBit) {
   const std::string digest = db_->ComputeResultDigest(run_);
   // Back to a checkpoint in the middle of an episode, in the middle of a bin.
   RunWriter writer(db_.get(), run_);
-  writer.BeginSegment(MakeSegment(db_.get()),
-                      {.env_step = 12500,
-                       .training_episodes = 12,
-                       .search_evaluation_episodes = 15,
-                       .actor_evaluation_episodes = 15});
+  writer.BeginSegment(MakeSegment(db_.get()), {.env_step = 12500,
+                                               .training_episodes = 12,
+                                               .search_evaluation_episodes = 15,
+                                               .actor_evaluation_episodes = 15});
   EXPECT_EQ(Count(db_.get(), "SELECT max(env_step) FROM step"), 12500);
   EXPECT_EQ(Count(db_.get(), "SELECT max(episode) FROM episode WHERE phase = 0"), 11);
   EXPECT_EQ(Count(db_.get(), "SELECT max(episode) FROM episode WHERE phase = 1"), 14);
@@ -225,11 +224,10 @@ TEST_F(RunWriterTest, AResumeInsideAnEvaluationKeepsTheEpisodesBefore) {
     uninterrupted = Everything();
   }
   RunWriter writer(db_.get(), run_);
-  writer.BeginSegment(MakeSegment(db_.get()),
-                      {.env_step = 10000,
-                       .training_episodes = 10,
-                       .search_evaluation_episodes = 12,
-                       .actor_evaluation_episodes = 10});
+  writer.BeginSegment(MakeSegment(db_.get()), {.env_step = 10000,
+                                               .training_episodes = 10,
+                                               .search_evaluation_episodes = 12,
+                                               .actor_evaluation_episodes = 10});
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM episode WHERE phase = 1"), 12);
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM episode WHERE phase = 2"), 10);
   ExpectDerivedRowsMatch();
@@ -249,8 +247,8 @@ TEST_F(RunWriterTest, AFreshStartDeletesEverythingEvenOfStepZero) {
   }
   RunWriter writer(db_.get(), run_);
   writer.BeginSegment(MakeSegment(db_.get()));
-  for (const char* table : {"step", "episode", "scalar", "time_use", "event", "curve_bin",
-                            "chunk_digest"}) {
+  for (const char* table :
+       {"step", "episode", "scalar", "time_use", "event", "curve_bin", "chunk_digest"}) {
     EXPECT_EQ(Count(db_.get(), std::string("SELECT count(*) FROM ") + table), 0) << table;
   }
 }

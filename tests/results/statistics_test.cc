@@ -34,9 +34,10 @@ TEST(Statistics, TheOptimalityGapCountsNothingAboveOne) {
 
 TEST(Statistics, ImprovementIsMannWhitneysUWithTiesOneHalf) {
   EXPECT_NEAR(ImprovementProbability({{1, 2, 3}}, {{2}}), 0.5, kTolerance);
-  EXPECT_NEAR(ImprovementProbability({{1, 2, 3}, {5}}, {{2, 0}, {1, 5, 9}}),
-              // 0.5 + 1.5 + 2 wins... of 6 by task one: 1>0, 2=2, 2>0, 3>2, 3>0; task two: 1.5 of 3.
-              ((1 + 0.5 + 1 + 1 + 1) / 6 + 1.5 / 3) / 2, kTolerance);
+  EXPECT_NEAR(
+      ImprovementProbability({{1, 2, 3}, {5}}, {{2, 0}, {1, 5, 9}}),
+      // 0.5 + 1.5 + 2 wins... of 6 by task one: 1>0, 2=2, 2>0, 3>2, 3>0; task two: 1.5 of 3.
+      ((1 + 0.5 + 1 + 1 + 1) / 6 + 1.5 / 3) / 2, kTolerance);
   EXPECT_NEAR(ImprovementProbability({{1, 1}}, {{1, 1}}), 0.5, kTolerance);
 }
 
@@ -85,8 +86,7 @@ TEST(Statistics, RunsAreDrawnWithinTheirTask) {
 // P(X > Y) of one task with X = {0, 1, 1} against Y = {0.5, 0.5, 0.5} is the share
 // of ones among three draws: Binomial(3, 2/3) / 3. P(0) = 0.037, P(1) = 0.296.
 TEST(Statistics, ImprovementsIntervalIsThatOfTheKnownDistribution) {
-  const Estimate estimate =
-      Improvement({{0, 1, 1}}, {{0.5, 0.5, 0.5}}, kBootstrapRepetitions, 3);
+  const Estimate estimate = Improvement({{0, 1, 1}}, {{0.5, 0.5, 0.5}}, kBootstrapRepetitions, 3);
   EXPECT_NEAR(estimate.value, 2.0 / 3, kTolerance);
   EXPECT_EQ(estimate.interval->lo, 0);
   EXPECT_EQ(estimate.interval->hi, 1);

@@ -20,12 +20,26 @@
 namespace dreamsearch::results {
 namespace {
 
-constexpr const char* kTasks[] = {
-    "acrobot_swingup",  "cartpole_balance", "cartpole_balance_sparse", "cartpole_swingup",
-    "cartpole_swingup_sparse", "cheetah_run", "cup_catch", "finger_spin", "finger_turn_easy",
-    "finger_turn_hard", "hopper_hop", "hopper_stand", "pendulum_swingup", "quadruped_run",
-    "quadruped_walk",   "reacher_easy",     "reacher_hard", "walker_run", "walker_stand",
-    "walker_walk"};
+constexpr const char* kTasks[] = {"acrobot_swingup",
+                                  "cartpole_balance",
+                                  "cartpole_balance_sparse",
+                                  "cartpole_swingup",
+                                  "cartpole_swingup_sparse",
+                                  "cheetah_run",
+                                  "cup_catch",
+                                  "finger_spin",
+                                  "finger_turn_easy",
+                                  "finger_turn_hard",
+                                  "hopper_hop",
+                                  "hopper_stand",
+                                  "pendulum_swingup",
+                                  "quadruped_run",
+                                  "quadruped_walk",
+                                  "reacher_easy",
+                                  "reacher_hard",
+                                  "walker_run",
+                                  "walker_stand",
+                                  "walker_walk"};
 constexpr const char* kPlanners[] = {"dreamer", "rollout", "mcts_pw", "mcts_fixed"};
 
 void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps, bool decisions) {
@@ -57,8 +71,8 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
   const bool crashes = (task * 7 + planner * 3 + seed) % 40 == 7;
   const std::int64_t done = crashes ? steps * 6 / 10 / 1000 * 1000 : steps;
   const double level = 150 + 40.0 * task + 30 * planner + 25 * random.Normal();
-  const double rate = (4 + planner + random.Uniform()) / static_cast<double>(steps) *
-                      (0.4 + 0.03 * task);
+  const double rate =
+      (4 + planner + random.Uniform()) / static_cast<double>(steps) * (0.4 + 0.03 * task);
   const auto score = [&](std::int64_t step) {
     const double mean = level * (1 - std::exp(-rate * static_cast<double>(step)));
     return std::clamp(mean + 40 * random.Normal(), 0.0, 1000.0);
@@ -67,10 +81,11 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
   const double plan_seconds = planner == 0 ? 0 : 0.004 * planner;
 
   RunWriter writer(db, run_id);
-  writer.BeginSegment({.pid = 1,
-                       .host_id = db->Host({.hostname = "synthetic", .cpu = "none", .cores = 1,
-                                            .memory_bytes = 1, .os = "none"}),
-                       .instruction_set = "none"});
+  writer.BeginSegment(
+      {.pid = 1,
+       .host_id = db->Host(
+           {.hostname = "synthetic", .cpu = "none", .cores = 1, .memory_bytes = 1, .os = "none"}),
+       .instruction_set = "none"});
   const std::int64_t loss = writer.Metric("model_loss", "nats", "made up");
   std::int64_t evaluated = 0;
   const auto evaluate = [&](std::int64_t step) {

@@ -57,14 +57,19 @@ TEST_F(VerificationTest, FindsEveryFlippedBitOfAStoredRow) {
     const char* name;
     bool real;
   };
-  const Column columns[] = {
-      {"step", "reward", true},          {"step", "value", true},
-      {"step", "plan_us", false},        {"step", "depth", false},
-      {"step", "t", false},              {"step", "nodes", false},
-      {"episode", "length", false},      {"episode", "episode_return", true},
-      {"episode", "wall_s", true},       {"episode", "digest", false},
-      {"episode", "plan_us_mean", true}, {"episode", "model_transitions", false},
-      {"scalar", "value", true}};
+  const Column columns[] = {{"step", "reward", true},
+                            {"step", "value", true},
+                            {"step", "plan_us", false},
+                            {"step", "depth", false},
+                            {"step", "t", false},
+                            {"step", "nodes", false},
+                            {"episode", "length", false},
+                            {"episode", "episode_return", true},
+                            {"episode", "wall_s", true},
+                            {"episode", "digest", false},
+                            {"episode", "plan_us_mean", true},
+                            {"episode", "model_transitions", false},
+                            {"scalar", "value", true}};
   int flips = 0;
   for (const Column& column : columns) {
     for (int bit = 0; bit < 63; bit += 3) {
@@ -112,7 +117,8 @@ TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
            {"UPDATE build SET flags = 'x'", "UPDATE build SET flags = ''"},
            {"UPDATE host SET cores = 3", "UPDATE host SET cores = 2"},
            {"UPDATE segment SET pid = pid + 1", "UPDATE segment SET pid = pid - 1"},
-           {"UPDATE event SET detail = 'After the end'", "UPDATE event SET detail = 'after the end'"},
+           {"UPDATE event SET detail = 'After the end'",
+            "UPDATE event SET detail = 'after the end'"},
            {"UPDATE study SET name = 'defaulu'", "UPDATE study SET name = 'default'"}}) {
     db_->connection().Execute(change);
     EXPECT_EQ(Problems(), 1u) << change;
@@ -136,12 +142,14 @@ TEST_F(VerificationTest, ARunThatGoesOnIsNotHeldToItsOldRecord) {
 TEST_F(VerificationTest, FindsMissingAndAddedRows) {
   db_->connection().Execute("DELETE FROM step WHERE env_step = 15000");
   EXPECT_EQ(Problems(), 1u);
-  db_->connection().Execute("INSERT INTO scalar SELECT run_id, metric_id, 777, 1 FROM scalar LIMIT 1");
+  db_->connection().Execute(
+      "INSERT INTO scalar SELECT run_id, metric_id, 777, 1 FROM scalar LIMIT 1");
   EXPECT_EQ(Problems(), 2u);
 }
 
 TEST_F(VerificationTest, FindsBinsConfigurationsAndDigestsThatDoNotFollow) {
-  db_->connection().Execute("UPDATE curve_bin SET sum_return = sum_return + 1e-9 WHERE env_step_bin = 1");
+  db_->connection().Execute(
+      "UPDATE curve_bin SET sum_return = sum_return + 1e-9 WHERE env_step_bin = 1");
   EXPECT_EQ(Problems(), 1u);
   db_->connection().Execute("UPDATE config SET json = json || ' '");
   EXPECT_EQ(Problems(), 2u);
