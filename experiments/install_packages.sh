@@ -9,7 +9,7 @@ packages=(
   libeigen3-dev libmujoco-dev
   libboost-dev libboost-program-options-dev
   libsqlite3-dev libssl-dev nlohmann-json3-dev
-  sqlite3 gnuplot-nox
+  sqlite3 gnuplot-nox libjs-chart.js
 )
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
