@@ -18,6 +18,10 @@ int ListCommand(const std::vector<std::string>& arguments);
 // runner describe [KIND/]NAME
 int DescribeCommand(const std::vector<std::string>& arguments);
 
+// runner export RUN; ExportModelMain is its child process, which loads the plugins
+int ExportCommand(const std::vector<std::string>& arguments);
+int ExportModelMain();
+
 // runner resume [RUN|STUDY|all]
 int ResumeCommand(const std::vector<std::string>& arguments);
 

@@ -1,5 +1,6 @@
 #include "components.h"
 
+#include "byte_buffer.h"
 #include "plugin_loader.h"
 
 namespace dreamsearch {
@@ -35,12 +36,25 @@ void ThrowUnlessOk(const Status& status, const std::string& what) {
                     what + ": " + StatusCodeName(status.code) + ": " + status.message);
 }
 
+void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model) {
+  const auto found = sections.find("model");
+  if (found == sections.end()) {
+    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'model'");
+  }
+  StringSource source(found->second);
+  ThrowUnlessOk(model->Load(&source), "model '" + name + "' Load");
+}
+
 Components::Components(const RunSpec& spec)
     : spec_(spec),
       environment_(&Load(spec.environment, ComponentKind::kEnvironment)),
       model_(&Load(spec.model, ComponentKind::kModel)),
       planner_(&Load(spec.planner, ComponentKind::kPlanner)),
-      evaluation_planner_(&Load(spec.eval_planner, ComponentKind::kPlanner)) {}
+      evaluation_planner_(&Load(spec.eval_planner, ComponentKind::kPlanner)) {
+  if (spec.evaluation && spec.evaluation->behaviour) {
+    behaviour_ = &Load(*spec.evaluation->behaviour, ComponentKind::kModel);
+  }
+}
 
 EnvironmentPtr Components::MakeEnvironment() const {
   const ParameterStorage parameters(spec_.environment.parameters);
@@ -51,9 +65,11 @@ EnvironmentPtr Components::MakeEnvironment() const {
   return EnvironmentPtr(Made(status, environment, "environment", spec_.environment.name()));
 }
 
-ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
-                               Environment* own_environment) const {
-  const ParameterStorage parameters(spec_.model.parameters);
+ModelPtr Components::MakeModel(const ResolvedComponent& component,
+                               const ComponentDescriptor& descriptor,
+                               const EnvironmentSpec& environment, std::uint32_t threads,
+                               Environment* own_environment, Model* behaviour) const {
+  const ParameterStorage parameters(component.parameters);
   ModelContext context;
   context.parameters = parameters.view();
   context.observation_size = environment.observation_size;
@@ -64,9 +80,22 @@ ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t
   context.seed = SeedFor(spec_.seed, SeedUse::kParameters, Phase::kTraining, 0, 0);
   context.threads = threads;
   context.environment = own_environment;
+  context.behaviour = behaviour;
   Model* model = nullptr;
-  const Status status = model_->create_model(context, &model);
-  return ModelPtr(Made(status, model, "model", spec_.model.name()));
+  const Status status = descriptor.create_model(context, &model);
+  return ModelPtr(Made(status, model, "model", component.name()));
+}
+
+ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
+                               Environment* own_environment, Model* behaviour) const {
+  return MakeModel(spec_.model, *model_, environment, threads, own_environment, behaviour);
+}
+
+ModelPtr Components::MakeBehaviour(const EnvironmentSpec& environment,
+                                   std::uint32_t threads) const {
+  if (behaviour_ == nullptr) return nullptr;
+  return MakeModel(*spec_.evaluation->behaviour, *behaviour_, environment, threads, nullptr,
+                   nullptr);
 }
 
 PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,

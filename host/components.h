@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "checkpoint.h"
 #include "dreamsearch/plugin.h"
 #include "seeds.h"
 #include "settings.h"
@@ -29,15 +30,22 @@ using PlannerPtr = std::unique_ptr<Planner, Destroyer>;
 // kDiverged, otherwise internal (70). `what` says which component did what.
 void ThrowUnlessOk(const Status& status, const std::string& what);
 
+// Brings a model to what a run's checkpoint holds. Throws 65 if it holds none, else
+// as ThrowUnlessOk.
+void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model);
+
 // The components of one run, loaded from the plugins that its RunSpec names.
 class Components {
  public:
   explicit Components(const RunSpec& spec);
 
   EnvironmentPtr MakeEnvironment() const;
-  // `own_environment` is for a model that needs one; it must outlive the model.
+  // `own_environment` is for a model that needs one, `behaviour` for one that
+  // takes proposal and value from a trained run; both must outlive the model.
   ModelPtr MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
-                     Environment* own_environment) const;
+                     Environment* own_environment, Model* behaviour = nullptr) const;
+  // The trained run's model of an evaluation that names one, otherwise null.
+  ModelPtr MakeBehaviour(const EnvironmentSpec& environment, std::uint32_t threads) const;
   PlannerPtr MakePlanner(const LatentModel& model) const;
   PlannerPtr MakeEvaluationPlanner(const LatentModel& model) const;
 
@@ -47,6 +55,9 @@ class Components {
   const ComponentDescriptor& evaluation_planner() const { return *evaluation_planner_; }
 
  private:
+  ModelPtr MakeModel(const ResolvedComponent& model, const ComponentDescriptor& descriptor,
+                     const EnvironmentSpec& environment, std::uint32_t threads,
+                     Environment* own_environment, Model* behaviour) const;
   static PlannerPtr MakePlanner(const ResolvedComponent& planner,
                                 const ComponentDescriptor& descriptor, const LatentModel& model);
 
@@ -55,6 +66,7 @@ class Components {
   const ComponentDescriptor* model_;
   const ComponentDescriptor* planner_;
   const ComponentDescriptor* evaluation_planner_;
+  const ComponentDescriptor* behaviour_ = nullptr;
 };
 
 }  // namespace dreamsearch

@@ -519,8 +519,7 @@ void Experiment::Load(const CheckpointSections& sections) {
     }
     return found->second;
   };
-  StringSource model(section("model"));
-  ThrowUnlessOk(model_->Load(&model), "model '" + spec_.model.name() + "' Load");
+  LoadModel(sections, spec_.model.name(), model_.get());
 
   ByteReader position(section("position"), "checkpoint section 'position'");
   at_ = position.Value<Position>();

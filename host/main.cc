@@ -30,7 +30,7 @@ const std::map<std::string, Command>& Commands() {
   static const std::map<std::string, Command> commands = {
       {"check", NotYet("check")},     {"describe", DescribeCommand},
       {"eval", NotYet("eval")},       {"explain", NotYet("explain")},
-      {"export", NotYet("export")},   {"list", ListCommand},
+      {"export", ExportCommand},   {"list", ListCommand},
       {"new", NotYet("new")},         {"render", NotYet("render")},
       {"resume", ResumeCommand},      {"status", StatusCommand},
       {"verify", NotYet("verify")},
@@ -45,6 +45,7 @@ int Dispatch(std::vector<std::string> arguments) {
   // Processes that `runner` starts itself.
   if (name == "worker") return WorkerMain();
   if (name == "probe") return ProbeMain();
+  if (name == "export-model") return ExportModelMain();
   if (name == "describe-plugin" && arguments.size() == 1) return DescribePluginMain(arguments[0]);
   const auto found = Commands().find(name);
   if (found == Commands().end()) {

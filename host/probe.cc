@@ -1,19 +1,12 @@
 #include "probe.h"
 
-#include <poll.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "activity_clock.h"
 #include "agent.h"
-#include "child_process.h"
 #include "components.h"
+#include "question.h"
 #include "replay.h"
 #include "schedule.h"
 
@@ -121,15 +114,12 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components,
 }  // namespace
 
 int ProbeMain() {
-  ::signal(SIGPIPE, SIG_IGN);
-  nlohmann::json answer;
-  int status = 0;
-  try {
-    const nlohmann::json question = nlohmann::json::parse(ReadAll(0));
+  return AnswerMain([](const nlohmann::json& question) {
     const RunSpec spec = RunSpecFromJson(question.at("spec"));
     const Components components(spec);
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentSpec& figures = environment->spec();
+    nlohmann::json answer;
     nlohmann::json& task = answer["task"];
     task["observation_size"] = figures.observation_size;
     task["action_size"] = figures.action_size;
@@ -145,69 +135,18 @@ int ProbeMain() {
                          costs.update,                     costs.checkpoint_bytes,
                          costs.replay_row_bytes};
     }
-  } catch (const RunnerError& error) {
-    answer = {{"error", error.what()}};
-    status = error.exit_status();
-  } catch (const nlohmann::json::exception& error) {
-    answer = {{"error", std::string("a probe is started by `runner`: ") + error.what()}};
-    status = static_cast<int>(ExitCode::kInternal);
-  }
-  WriteAll(kReportDescriptor, answer.dump() + "\n");
-  return status;
+    return answer;
+  });
 }
 
 ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds) {
-  const std::string who = spec.environment.name() + ", " + spec.model.name() + ", " +
-                          spec.planner.name();
-  Pipe pipe = MakePipe();
-  const Descriptor input =
-      MemoryFile(nlohmann::json{{"spec", ToJson(spec)}, {"measure", measure}}.dump());
-  ChildSpec child;
-  child.arguments = {"probe"};
-  child.input = input.get();
-  child.report = pipe.write.get();
-  const pid_t pid = StartChild(child);
-  pipe.write.Close();
-
-  std::string text;
-  const double deadline = ActivityClock::Now() + timeout_seconds;
-  bool timed_out = false;
-  for (;;) {
-    pollfd polled{pipe.read.get(), POLLIN, 0};
-    const double left = deadline - ActivityClock::Now();
-    if (left <= 0) {
-      timed_out = true;
-      ::kill(pid, SIGKILL);
-      break;
-    }
-    if (::poll(&polled, 1, std::max(1, static_cast<int>(left * 1000))) <= 0) continue;
-    char buffer[4096];
-    const ssize_t got = ::read(pipe.read.get(), buffer, sizeof buffer);
-    if (got > 0) {
-      text.append(buffer, static_cast<std::size_t>(got));
-    } else if (got == 0 || (errno != EAGAIN && errno != EINTR)) {
-      break;
-    }
-  }
-  int status = 0;
-  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-  }
-  if (timed_out) {
-    throw RunnerError(ExitCode::kPluginCrashed,
-                      "the components of " + who + " did not answer within " +
-                          std::to_string(static_cast<int>(timeout_seconds)) + " s");
-  }
-  const nlohmann::json answer = nlohmann::json::parse(text, nullptr, false);
-  if (answer.is_object() && answer.contains("error")) {
-    throw RunnerError(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
-                      answer["error"].get<std::string>());
-  }
-  if (!answer.is_object() || !answer.contains("task")) {
-    throw RunnerError(ExitCode::kPluginCrashed, "making the components of " + who +
-                                                    " ended with " + DescribeWaitStatus(status));
-  }
+  Question question;
+  question.command = "probe";
+  question.who = spec.environment.name() + ", " + spec.model.name() + ", " + spec.planner.name();
+  question.timeout_seconds = timeout_seconds;
+  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)}, {"measure", measure}});
   ProbeResult result;
-  const nlohmann::json& task = answer["task"];
+  const nlohmann::json& task = answer.at("task");
   result.task.name = spec.environment.name();
   result.task.domain = spec.environment.info->plugin.name;
   result.task.observation_size = task.at("observation_size");

@@ -113,6 +113,14 @@ ResolvedValue PresetOrDefault(const ParameterInfo& parameter, const std::string&
   return value;
 }
 
+// Puts the recorded values where the declaration still has them.
+void Restore(const ResolvedValues& recorded, ResolvedValues* values) {
+  for (ResolvedValue& value : values->values) {
+    const ResolvedValue* old = recorded.Find(value.name);
+    if (old != nullptr && old->type == value.type) value = *old;
+  }
+}
+
 std::string KindText(ComponentKind kind) {
   return kind == ComponentKind::kEnvironment ? "env" : ComponentKindName(kind);
 }
@@ -149,7 +157,8 @@ struct Target {
 
 class Resolver {
  public:
-  Resolver(const Options& options, const Catalogue& catalogue) : preset_(options.preset) {
+  Resolver(const Options& options, const Catalogue& catalogue, const RunSpec* base)
+      : preset_(options.preset) {
     for (const ParameterSpec& spec : RunParameters()) {
       run_parameters_.push_back(DescribeParameter(spec));
     }
@@ -170,6 +179,7 @@ class Resolver {
         target.values.values.push_back(PresetOrDefault(parameter, preset_));
       }
       target.sources.resize(target.parameters->size());
+      if (base != nullptr) RestoreFrom(*base, &target);
     }
     for (const Setting& setting : options.settings) Apply(setting);
     CheckRun();
@@ -206,6 +216,17 @@ class Resolver {
   }
 
  private:
+  static void RestoreFrom(const RunSpec& base, Target* target) {
+    if (target->info == nullptr) return Restore(base.run, &target->values);
+    // The planner last: of a planner that both trained and evaluated they are equal.
+    for (const ResolvedComponent* component :
+         {&base.environment, &base.model, &base.eval_planner, &base.planner}) {
+      if (component->info->kind == target->info->kind && component->name() == target->info->name) {
+        Restore(component->parameters, &target->values);
+      }
+    }
+  }
+
   std::size_t Add(std::shared_ptr<const ComponentInfo> info,
                   const std::vector<ParameterInfo>* parameters, bool listed) {
     Target target;
@@ -474,32 +495,72 @@ const std::string& ResolvedValues::Choice(std::string_view name) const {
   return value->choice;
 }
 
-std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue) {
-  return Resolver(options, catalogue).Matrix(options);
+std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
+  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model,
+                                                      &spec.planner, &spec.eval_planner};
+  if (spec.evaluation && spec.evaluation->behaviour) {
+    components.push_back(&*spec.evaluation->behaviour);
+  }
+  return components;
+}
+
+std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
+                                   const RunSpec* base) {
+  return Resolver(options, catalogue, base).Matrix(options);
+}
+
+ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& preset,
+                          const Catalogue& catalogue) {
+  ResolvedComponent now{catalogue.Find(recorded.info->kind, recorded.name()), {}};
+  for (const ParameterInfo& parameter : now.info->parameters) {
+    now.parameters.values.push_back(PresetOrDefault(parameter, preset));
+  }
+  Restore(recorded.parameters, &now.parameters);
+  return now;
 }
 
 std::string CanonicalJson(const RunSpec& spec) {
   // nlohmann's objects are ordered by key, and its doubles are the shortest texts
   // that read back the same.
-  const Json json = {{"environment", CanonicalComponent(spec.environment)},
-                     {"model", CanonicalComponent(spec.model)},
-                     {"planner", CanonicalComponent(spec.planner)},
-                     {"eval_planner", CanonicalComponent(spec.eval_planner)},
-                     {"run", CanonicalValues(spec.run)}};
+  Json json = {{"environment", CanonicalComponent(spec.environment)},
+               {"model", CanonicalComponent(spec.model)},
+               {"planner", CanonicalComponent(spec.planner)}};
+  if (!spec.evaluation) {
+    json["eval_planner"] = CanonicalComponent(spec.eval_planner);
+    json["run"] = CanonicalValues(spec.run);
+    return json.dump();
+  }
+  json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},
+                 {"eval_episodes", spec.run.Integer("eval_episodes")}};
+  json["evaluation"] = {{"env_step", spec.evaluation->env_step},
+                        {"agent_sha256", spec.evaluation->agent_sha256}};
+  if (spec.evaluation->behaviour) {
+    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
+  }
   return json.dump();
 }
 
 std::string ConfigurationSha256(const RunSpec& spec) { return Sha256(CanonicalJson(spec)); }
 
 Json ToJson(const RunSpec& spec) {
-  return {{"study", spec.study},
-          {"preset", spec.preset},
-          {"environment", ComponentJson(spec.environment)},
-          {"model", ComponentJson(spec.model)},
-          {"planner", ComponentJson(spec.planner)},
-          {"eval_planner", ComponentJson(spec.eval_planner)},
-          {"run", ValuesJson(spec.run)},
-          {"seed", spec.seed}};
+  Json json = {{"study", spec.study},
+               {"preset", spec.preset},
+               {"environment", ComponentJson(spec.environment)},
+               {"model", ComponentJson(spec.model)},
+               {"planner", ComponentJson(spec.planner)},
+               {"eval_planner", ComponentJson(spec.eval_planner)},
+               {"run", ValuesJson(spec.run)},
+               {"seed", spec.seed}};
+  if (const auto& evaluation = spec.evaluation) {
+    json["evaluation"] = {{"parent_run_id", evaluation->parent_run_id},
+                          {"parent_uuid", evaluation->parent_uuid},
+                          {"env_step", evaluation->env_step},
+                          {"agent_sha256", evaluation->agent_sha256}};
+    if (evaluation->behaviour) {
+      json["evaluation"]["behaviour"] = ComponentJson(*evaluation->behaviour);
+    }
+  }
+  return json;
 }
 
 RunSpec RunSpecFromJson(const Json& json) {
@@ -513,6 +574,16 @@ RunSpec RunSpecFromJson(const Json& json) {
     spec.eval_planner = ComponentFromJson(json.at("eval_planner"));
     spec.run = ValuesFromJson(json.at("run"));
     json.at("seed").get_to(spec.seed);
+    if (const auto found = json.find("evaluation"); found != json.end()) {
+      EvaluationSpec& evaluation = spec.evaluation.emplace();
+      found->at("parent_run_id").get_to(evaluation.parent_run_id);
+      found->at("parent_uuid").get_to(evaluation.parent_uuid);
+      found->at("env_step").get_to(evaluation.env_step);
+      found->at("agent_sha256").get_to(evaluation.agent_sha256);
+      if (found->contains("behaviour")) {
+        evaluation.behaviour = ComponentFromJson(found->at("behaviour"));
+      }
+    }
     return spec;
   } catch (const Json::exception& error) {
     throw RunnerError(ExitCode::kInternal,

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -52,6 +53,18 @@ struct ResolvedComponent {
   const std::string& name() const { return info->name; }
 };
 
+// What `runner eval` plays, instead of training.
+struct EvaluationSpec {
+  // The trained run; 0 and empty for a model that needs no training.
+  std::int64_t parent_run_id = 0;
+  std::string parent_uuid;
+  std::uint64_t env_step = 0;  // environment steps of training in its checkpoint
+  std::string agent_sha256;    // of the trained model as saved there
+  // The trained run's model, when it gives only proposal and value to the run's
+  // own model: ModelContext::behaviour.
+  std::optional<ResolvedComponent> behaviour;
+};
+
 // One run, complete: it can be handed to another process as JSON.
 struct RunSpec {
   std::string study;
@@ -62,6 +75,7 @@ struct RunSpec {
   ResolvedComponent eval_planner;
   ResolvedValues run;  // the host's own parameters, see run_parameters.h
   std::uint64_t seed = 0;
+  std::optional<EvaluationSpec> evaluation;  // not set: the run trains
 
   // Environment steps of the run, and environment steps a decision.
   std::uint64_t steps() const { return run.Integer("steps"); }
@@ -70,14 +84,25 @@ struct RunSpec {
   }
 };
 
+// Its components, each plugin of which decides its results.
+std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
+
 // The cross product environment x planner x model x seed, in that order, the
 // last fastest. Errors: kUsage, or kBadInput when the value is the file's;
-// kNotFound and kPluginRefused from Catalogue::Find.
-std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue);
+// kNotFound and kPluginRefused from Catalogue::Find. Where `base` is given, its
+// components' values and `run` stand where the preset's would.
+std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
+                                   const RunSpec* base = nullptr);
+
+// A component as the catalogue has it now with the values of a recorded one; what
+// was not declared then has its preset's value.
+ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& preset,
+                          const Catalogue& catalogue);
 
 // What makes two runs the same configuration: every resolved value and the names
-// of the components, keys sorted, no space. Not in it: study, seed, preset's
-// name, versions of components and plugins, where a value came from.
+// of the components, keys sorted, no space; of an evaluation what decides its
+// episodes. Not in it: study, seed, preset's name, versions of components and
+// plugins, where a value came from.
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 

@@ -183,8 +183,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
   return jobs;
 }
 
-SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
-                     const results::RunInfo& run) {
+RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   const std::filesystem::path path =
       std::filesystem::path(database->RunFolder(run.uuid)) / kSpecFile;
   std::ifstream file(path);
@@ -198,19 +197,29 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
   if (json.is_discarded()) {
     throw RunnerError(ExitCode::kBadInput, path.string() + " is not what `runner` wrote");
   }
-  const RunSpec spec = RunSpecFromJson(json);
-  for (const ResolvedComponent* component :
-       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+  return RunSpecFromJson(json);
+}
+
+std::string ChangedFile(const RunSpec& spec) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& plugin = component->info->plugin;
     const std::string now = FileSha256(plugin.path);
     if (now != plugin.sha256) {
-      throw RunnerError(ExitCode::kPluginRefused,
-                        "run " + std::to_string(run.run_id) + " was begun with another " +
-                            plugin.path + " (SHA-256 " + plugin.sha256.substr(0, 12) +
-                            " then, " + now.substr(0, 12) +
-                            " now). Give its command again with --replace to start it over, or "
-                            "with another --study");
+      return plugin.path + " (SHA-256 " + plugin.sha256.substr(0, 12) + " then, " +
+             now.substr(0, 12) + " now)";
     }
+  }
+  return "";
+}
+
+SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
+                     const results::RunInfo& run) {
+  const RunSpec spec = RecordedSpec(database, run);
+  if (const std::string changed = ChangedFile(spec); !changed.empty()) {
+    throw RunnerError(ExitCode::kPluginRefused,
+                      "run " + std::to_string(run.run_id) + " was begun with another " + changed +
+                          ". Give its command again with --replace to start it over, or with "
+                          "another --study");
   }
   return JobFor(database, options, spec, run.run_id, run.uuid);
 }

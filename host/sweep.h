@@ -40,8 +40,15 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
                                   const std::vector<results::TaskInfo>& tasks,
                                   const std::vector<std::string>& argv);
 
-// The job of a recorded run, from the run.json in its folder. Throws RunnerError 66
-// if that is gone, 69 if a plugin's file has changed.
+// What a recorded run was to do, from the run.json in its folder. Throws RunnerError
+// 66 if that is gone, 65 if it is not what `runner` wrote.
+RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
+
+// Which of the spec's plugin files is not the one it names, and how; empty if none.
+std::string ChangedFile(const RunSpec& spec);
+
+// The job of a recorded run. Throws what RecordedSpec throws, and 69 if a plugin's
+// file has changed.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run);
 

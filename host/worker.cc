@@ -63,8 +63,7 @@ std::string CheckpointHeader(const RunSpec& spec) {
   nlohmann::json header;
   header["configuration"] = ConfigurationSha256(spec);
   header["seed"] = spec.seed;
-  for (const ResolvedComponent* component :
-       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
     header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
   }
   header["instruction_set"] = InstructionSet();
@@ -100,8 +99,7 @@ void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
 }
 
 void CheckPluginFiles(const RunSpec& spec) {
-  for (const ResolvedComponent* component :
-       {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& plugin = component->info->plugin;
     const std::string now = FileSha256(plugin.path);
     if (now != plugin.sha256) {

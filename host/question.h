@@ -1,0 +1,28 @@
+// question.h - asks something of plugins in a child process, without a run.
+//
+// The supervisor loads no plugin. What it must know of one, or have done by one, it
+// asks of a child: JSON on the child's standard input, JSON back on descriptor 3.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+namespace dreamsearch {
+
+struct Question {
+  std::string command;         // the runner's own subcommand that answers
+  std::string who;             // what is asked, for messages: "cartpole_swingup, dreamer"
+  double timeout_seconds = 0;  // of wall time; 0: none
+  bool show_messages = false;  // the child's standard error is ours
+};
+
+// The answer. Throws RunnerError with the child's message and exit code; 71 if it
+// crashed or took longer than the timeout.
+nlohmann::json Ask(const Question& question, const nlohmann::json& content);
+
+// The child's side: answers the question on standard input. Returns the exit status.
+int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answer);
+
+}  // namespace dreamsearch
