@@ -8,7 +8,7 @@ namespace {
 
 // Starts dreamt of at once: enough columns for fast products, few enough that the
 // activations of a block stay near the processor.
-constexpr Index kStartsPerBlock = 256;
+constexpr Index kStartsPerBlock = 64;
 
 }  // namespace
 
@@ -61,10 +61,11 @@ Behaviour<T>::Behaviour(const Settings& settings, Index action_size)
 }
 
 template <typename T>
-void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, bool rounded) {
-  actor_group_.Allocate(actor_seed, rounded);
-  value_group_.Allocate(value_seed, rounded);
-  if (rounded) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
+void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed,
+                            Rounding rounding) {
+  actor_group_.Allocate(actor_seed, rounding);
+  value_group_.Allocate(value_seed, rounding);
+  if (rounding.training) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
   ResetSlow();
 }
 
@@ -79,6 +80,7 @@ void Behaviour<T>::Round() {
 
 template <typename T>
 void Behaviour<T>::ResetSlow() {
+  slow_.reserve(static_cast<std::size_t>(value_group_.size() + kBiasOverrun));
   slow_.assign(value_group_.values(), value_group_.values() + value_group_.size());
 }
 
@@ -252,7 +254,7 @@ DreamStops<T> Behaviour<T>::Stops() const {
 template <typename T>
 void Behaviour<T>::Value(In<T> states, Mat<T> values) {
   value_.Reserve(states.cols, &value_tape_);
-  value_.Forward(value_group_.exact(), states, 0, &value_tape_, values);
+  value_.Forward(value_group_.planning(), states, 0, &value_tape_, values);
   const T scale = static_cast<T>(settings_.value_scale);
   for (Index j = 0; j < states.cols; ++j) values(0, j) *= scale;
 }
@@ -262,7 +264,7 @@ void Behaviour<T>::Act(In<T> states, In<T> noise, Mat<T> actions) {
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.exact(), states, 0, &actor_tape_, raw);
+  actor_.Forward(actor_group_.planning(), states, 0, &actor_tape_, raw);
   ActorForward<T>(raw, noise, shape_, squashed_.Shape(a_, n), std_.Shape(a_, n), actions, Mat<T>());
 }
 
@@ -271,7 +273,7 @@ void Behaviour<T>::Sample(In<T> states, Index count, In<T> noise, Mat<T> actions
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.exact(), states, 0, &actor_tape_, raw);
+  actor_.Forward(actor_group_.planning(), states, 0, &actor_tape_, raw);
   const Mat<T> repeated = d_raw_.Shape(2 * a_, n * count);
   for (Index i = 0; i < n; ++i) {
     for (Index k = 0; k < count; ++k) Copy<T>(raw.Cols(i, 1), repeated.Cols(i * count + k, 1));

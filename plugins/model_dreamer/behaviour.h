@@ -85,7 +85,7 @@ class Behaviour {
   void UpdateSlow();
 
   // Makes both groups' parameters; see ParameterGroup::Allocate.
-  void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, bool rounded);
+  void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding);
   // Remakes the rounded weights, the slow critic's too.
   void Round();
 

@@ -169,16 +169,21 @@ TILE_TARGET void PackRightOfRows(Mat<const float> m, std::uint16_t* tiles) {
 // What a product starts from: c itself, zero, or a bias repeated in every column.
 enum class Start { kSum, kZero, kBias };
 
-// Writes a 16 x 16 block that reaches over the edge of c: its row i is column i of
-// c. Adds it for kSum.
-TILE_TARGET inline void WriteEdge(Start start, const float* block, float* c, Index stride,
-                                  Index columns, Index rows) {
+// A 16 x 16 block that reaches over the edge of c, by way of `block`: its row i is
+// column i of c.
+TILE_TARGET inline void ReadEdge(const float* c, Index stride, Index columns, Index rows,
+                                 float* block) {
+  const __mmask16 mask = Mask(rows);
+  for (Index i = 0; i < kRows; ++i) {
+    const __mmask16 row = i < columns ? mask : __mmask16{0};
+    _mm512_store_ps(block + i * 16, _mm512_maskz_loadu_ps(row, c + i * stride));
+  }
+}
+TILE_TARGET inline void WriteEdge(const float* block, float* c, Index stride, Index columns,
+                                  Index rows) {
   const __mmask16 mask = Mask(rows);
   for (Index i = 0; i < std::min(columns, kRows); ++i) {
-    float* p = c + i * stride;
-    __m512 row = _mm512_load_ps(block + i * 16);
-    if (start == Start::kSum) row = _mm512_add_ps(row, _mm512_maskz_loadu_ps(mask, p));
-    _mm512_mask_storeu_ps(p, mask, row);
+    _mm512_mask_storeu_ps(c + i * stride, mask, _mm512_load_ps(block + i * 16));
   }
 }
 
@@ -208,6 +213,21 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
         _tile_loadd(1, c.col(i) + j + 16, bytes);
         _tile_loadd(2, c.col(i + 16) + j, bytes);
         _tile_loadd(3, c.col(i + 16) + j + 16, bytes);
+      } else if (start == Start::kSum) {
+        ReadEdge(c.col(i) + j, c.stride, c.cols - i, c.rows - j, edge[0]);
+        _tile_loadd(0, edge[0], 64);
+        if (two_right) {
+          ReadEdge(c.col(i) + j + 16, c.stride, c.cols - i, c.rows - j - 16, edge[1]);
+          _tile_loadd(1, edge[1], 64);
+        }
+        if (two_left) {
+          ReadEdge(c.col(i + 16) + j, c.stride, c.cols - i - 16, c.rows - j, edge[2]);
+          _tile_loadd(2, edge[2], 64);
+        }
+        if (two_left && two_right) {
+          ReadEdge(c.col(i + 16) + j + 16, c.stride, c.cols - i - 16, c.rows - j - 16, edge[3]);
+          _tile_loadd(3, edge[3], 64);
+        }
       } else {
         _tile_zero(0);
         _tile_zero(1);
@@ -237,20 +257,85 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
         continue;
       }
       _tile_stored(0, edge[0], 64);
-      WriteEdge(start, edge[0], c.col(i) + j, c.stride, c.cols - i, c.rows - j);
+      WriteEdge(edge[0], c.col(i) + j, c.stride, c.cols - i, c.rows - j);
       if (two_right) {
         _tile_stored(1, edge[1], 64);
-        WriteEdge(start, edge[1], c.col(i) + j + 16, c.stride, c.cols - i, c.rows - j - 16);
+        WriteEdge(edge[1], c.col(i) + j + 16, c.stride, c.cols - i, c.rows - j - 16);
       }
       if (two_left) {
         _tile_stored(2, edge[2], 64);
-        WriteEdge(start, edge[2], c.col(i + 16) + j, c.stride, c.cols - i - 16, c.rows - j);
+        WriteEdge(edge[2], c.col(i + 16) + j, c.stride, c.cols - i - 16, c.rows - j);
       }
       if (two_left && two_right) {
         _tile_stored(3, edge[3], 64);
-        WriteEdge(start, edge[3], c.col(i + 16) + j + 16, c.stride, c.cols - i - 16,
+        WriteEdge(edge[3], c.col(i + 16) + j + 16, c.stride, c.cols - i - 16,
                   c.rows - j - 16);
       }
+    }
+  }
+}
+
+// As many columns as are cheaper one by one than as the rows of a tile.
+constexpr Index kFewColumns = 3;
+
+// y[0, 16 N) = start + (N blocks of tiles) x for one column, without the tile unit: a
+// line of a right tile holds pairs of factors of 16 outputs. Two sums an output, over
+// the even and the odd pairs, keep the multiplier busy.
+template <int N>
+TILE_TARGET inline void MultiplyBlocks(const std::uint16_t* tiles, Index depth,
+                                       const std::uint32_t* pairs, const float* start, Index rows,
+                                       float* y) {
+  const Index stride = depth * kTile;
+  __m512 even[N], odd[N];
+  for (int q = 0; q < N; ++q) {
+    even[q] = start == nullptr ? _mm512_setzero_ps()
+                               : _mm512_maskz_loadu_ps(Mask(rows - 16 * q), start + 16 * q);
+    odd[q] = _mm512_setzero_ps();
+  }
+  for (Index k = 0; k < depth * kRows; k += 2) {
+    const auto first = reinterpret_cast<__m512bh>(_mm512_set1_epi32(static_cast<int>(pairs[k])));
+    const auto second =
+        reinterpret_cast<__m512bh>(_mm512_set1_epi32(static_cast<int>(pairs[k + 1])));
+    const std::uint16_t* line = tiles + k * kDepth;
+    for (int q = 0; q < N; ++q) {
+      even[q] = _mm512_dpbf16_ps(
+          even[q], reinterpret_cast<__m512bh>(_mm512_load_si512(line + q * stride)), first);
+      odd[q] = _mm512_dpbf16_ps(
+          odd[q], reinterpret_cast<__m512bh>(_mm512_load_si512(line + q * stride + kDepth)),
+          second);
+    }
+  }
+  for (int q = 0; q < N; ++q) {
+    _mm512_mask_storeu_ps(y + 16 * q, Mask(rows - 16 * q), _mm512_add_ps(even[q], odd[q]));
+  }
+}
+
+// y = start + (tiles) x for one column.
+TILE_TARGET void MultiplyColumn(const std::uint16_t* tiles, const float* start, const float* x,
+                                Index depth_rows, float* y, Index rows, std::uint16_t* scratch) {
+  const Index depth = Blocks(depth_rows, kDepth);
+  for (Index i = 0; i < depth; ++i) {
+    const Index left = depth_rows - i * kDepth;
+    const float* p = x + i * kDepth;
+    _mm512_store_si512(scratch + i * kDepth, Round(_mm512_maskz_loadu_ps(Mask(left), p),
+                                                   _mm512_maskz_loadu_ps(Mask(left - 16), p + 16)));
+  }
+  const auto* pairs = reinterpret_cast<const std::uint32_t*>(scratch);
+  for (Index j = 0; j < rows; j += 4 * kRows) {
+    const std::uint16_t* block = tiles + j / kRows * depth * kTile;
+    const float* from = start == nullptr ? nullptr : start + j;
+    switch (std::min<Index>(4, Blocks(rows - j, kRows))) {
+      case 4:
+        MultiplyBlocks<4>(block, depth, pairs, from, rows - j, y + j);
+        break;
+      case 3:
+        MultiplyBlocks<3>(block, depth, pairs, from, rows - j, y + j);
+        break;
+      case 2:
+        MultiplyBlocks<2>(block, depth, pairs, from, rows - j, y + j);
+        break;
+      default:
+        MultiplyBlocks<1>(block, depth, pairs, from, rows - j, y + j);
     }
   }
 }
@@ -260,6 +345,13 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
 TILE_TARGET void MultiplyColumns(const std::uint16_t* tiles, Start start, const float* bias,
                                  Mat<const float> x, Mat<float> y, std::uint16_t* scratch) {
   const Index depth = Blocks(x.rows, kDepth);
+  if (x.cols <= kFewColumns) {
+    for (Index j = 0; j < x.cols; ++j) {
+      const float* from = start == Start::kSum ? y.col(j) : start == Start::kBias ? bias : nullptr;
+      MultiplyColumn(tiles, from, x.col(j), x.rows, y.col(j), y.rows, scratch);
+    }
+    return;
+  }
   BeginTiles();
   for (Index first = 0; first < x.cols; first += 2 * kRows) {
     const Index n = std::min(2 * kRows, x.cols - first);

@@ -57,6 +57,16 @@ Status Guarded(const char* name, Call call) noexcept {
   }
 }
 
+// Latents taken through all layers together: their activations stay in the nearest
+// caches on the way. Calls task(first, count) for each block.
+template <typename Task>
+void ForBlocks(Index rows, Task task) {
+  constexpr Index kRowsAtOnce = 32;
+  for (Index first = 0; first < rows; first += kRowsAtOnce) {
+    task(first, std::min(kRowsAtOnce, rows - first));
+  }
+}
+
 void Convert(MatrixView<const double> from, Mat<float> to) {
   for (std::uint64_t i = 0; i < from.size(); ++i) to.data[i] = static_cast<float>(from.data[i]);
 }
@@ -122,23 +132,28 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
     const auto n = static_cast<Index>(rows);
     const Mat<float> actions = actions_.Shape(learner_.action_size(), n);
     Convert(request.actions, actions);
+    const Mat<const float> states = StatesOf(request.latents);
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
     if (settings.imagined_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
-    const Weights<float> exact = learner_.world().group().exact();
-    learner_.world().Reserve(n, &transitions_);
-    learner_.world().Step(exact, StatesOf(request.latents), actions, noise, 0, &transitions_, next);
-    const Mat<float> outputs = outputs_.Shape(1, n);
-    learner_.world().Reward(exact, next, &head_tape_, outputs);
+    const Mat<float> rewards = rewards_.Shape(1, n);
+    const Mat<float> logits = logits_.Shape(1, settings.continuation ? n : 0);
+    WorldModel<float>& world = learner_.world();
+    const Weights<float> weights = world.group().planning();
+    ForBlocks(n, [&](Index first, Index count) {
+      const Mat<float> after = next.Cols(first, count);
+      world.Reserve(count, &transitions_);
+      world.Step(weights, states.Cols(first, count), actions.Cols(first, count),
+                 noise ? noise.Cols(first, count) : noise, 0, &transitions_, after);
+      world.Reward(weights, after, &head_tape_, rewards.Cols(first, count));
+      if (!settings.continuation) return;
+      world.Continuation(weights, after, &continuation_tape_, logits.Cols(first, count));
+    });
     for (std::uint64_t i = 0; i < rows; ++i) {
-      result.rewards[i] = static_cast<double>(outputs.data[i]);
-      result.discounts[i] = settings.discount;
-    }
-    if (settings.continuation) {
-      learner_.world().Continuation(exact, next, &continuation_tape_, outputs);
-      for (std::uint64_t i = 0; i < rows; ++i) {
-        result.discounts[i] = 1 / (1 + std::exp(-static_cast<double>(outputs.data[i])));
-      }
+      result.rewards[i] = static_cast<double>(rewards.data[i]);
+      result.discounts[i] = settings.continuation
+                                ? 1 / (1 + std::exp(-static_cast<double>(logits.data[i])))
+                                : settings.discount;
     }
     return WriteLatents("Imagine", next, result.latents);
   });
@@ -148,8 +163,11 @@ Status Dreamer::Value(ConstLatents latents, View<double> values) noexcept {
   const Status status = CheckLatents("Value", latents.cols, latents.rows, values.size);
   if (!status.ok()) return status;
   return Guarded("Value", [&] {
-    const Mat<float> outputs = outputs_.Shape(1, static_cast<Index>(values.size));
-    learner_.behaviour().Value(StatesOf(latents), outputs);
+    const auto n = static_cast<Index>(values.size);
+    const Mat<float> outputs = values_.Shape(1, n);
+    ForBlocks(n, [&](Index first, Index count) {
+      learner_.behaviour().Value(StatesOf(latents).Cols(first, count), outputs.Cols(first, count));
+    });
     for (std::uint64_t i = 0; i < values.size; ++i) {
       values[i] = static_cast<double>(outputs.data[i]);
     }
@@ -165,9 +183,12 @@ Status Dreamer::ProposeMode(ConstLatents latents, MatrixView<double> actions) no
                      actions.cols);
   }
   return Guarded("ProposeMode", [&] {
-    const Mat<float> proposed =
-        actions_.Shape(learner_.action_size(), static_cast<Index>(actions.rows));
-    learner_.behaviour().Act(StatesOf(latents), Mat<float>(), proposed);
+    const auto n = static_cast<Index>(actions.rows);
+    const Mat<float> proposed = actions_.Shape(learner_.action_size(), n);
+    ForBlocks(n, [&](Index first, Index count) {
+      learner_.behaviour().Act(StatesOf(latents).Cols(first, count), Mat<float>(),
+                               proposed.Cols(first, count));
+    });
     for (std::uint64_t i = 0; i < actions.size(); ++i) {
       actions.data[i] = static_cast<double>(proposed.data[i]);
     }
@@ -187,8 +208,13 @@ Status Dreamer::ProposeSamples(ConstLatents latents, std::uint64_t seed,
     const auto total = static_cast<Index>(actions.rows);
     const Index a = learner_.action_size();
     const Mat<float> proposed = actions_.Shape(a, total);
-    learner_.behaviour().Sample(StatesOf(latents), total / static_cast<Index>(latents.rows),
-                                Noise(seed, a, total), proposed);
+    const Mat<float> noise = Noise(seed, a, total);
+    const Index each = total / static_cast<Index>(latents.rows);
+    ForBlocks(static_cast<Index>(latents.rows), [&](Index first, Index count) {
+      learner_.behaviour().Sample(StatesOf(latents).Cols(first, count), each,
+                                  noise.Cols(first * each, count * each),
+                                  proposed.Cols(first * each, count * each));
+    });
     for (std::uint64_t i = 0; i < actions.size(); ++i) {
       actions.data[i] = static_cast<double>(proposed.data[i]);
     }

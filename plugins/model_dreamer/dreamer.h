@@ -52,7 +52,7 @@ class Dreamer final : public Model {
   std::uint64_t latent_bytes_;
   TransitionTape<float> transitions_;
   MlpTape<float> head_tape_, continuation_tape_;
-  Buffer<float> actions_, observations_, states_, noise_, outputs_;
+  Buffer<float> actions_, observations_, states_, noise_, rewards_, logits_, values_;
 };
 
 // The component's factory.

@@ -84,7 +84,7 @@ Index ParameterGroup<T>::AddPart(Index offset, Index rows, Index first, Index co
 }
 
 template <typename T>
-void ParameterGroup<T>::Allocate(std::uint64_t seed, bool rounded) {
+void ParameterGroup<T>::Allocate(std::uint64_t seed, Rounding rounding) {
   values_.Reserve(size_ + kBiasOverrun);
   gradient_.Reserve(size_);
   first_.Reserve(size_);
@@ -92,7 +92,8 @@ void ParameterGroup<T>::Allocate(std::uint64_t seed, bool rounded) {
   for (std::size_t i = 0; i < tensors_.size(); ++i) {
     Initialise(tensors_[i], DeriveSeed(seed, i), values_.data() + tensors_[i].offset);
   }
-  if (rounded) rounded_ = std::make_unique<Bfloat16Weights>(parts_);
+  rounding_ = rounding;
+  if (rounding.any()) rounded_ = std::make_unique<Bfloat16Weights>(parts_);
 }
 
 template <typename T>

@@ -40,6 +40,13 @@ struct Weights {
   Bfloat16Weights* rounded = nullptr;  // only for T = float; null: products in T
 };
 
+// Who computes products with factors rounded to bfloat16.
+struct Rounding {
+  bool training = false;
+  bool planning = false;
+  bool any() const { return training || planning; }
+};
+
 // Parameters that one optimiser moves together: values, gradients and Adam's two
 // moments, each one contiguous array.
 template <typename T>
@@ -54,14 +61,18 @@ class ParameterGroup {
   // part's number; before Allocate.
   Index AddPart(Index offset, Index rows, Index first, Index cols);
 
-  // Makes the arrays and draws the first values from `seed`. With `rounded`,
-  // training() computes its products in bfloat16.
-  void Allocate(std::uint64_t seed, bool rounded = false);
+  // Makes the arrays and draws the first values from `seed`.
+  void Allocate(std::uint64_t seed, Rounding rounding = {});
 
-  // What to compute with: in T, or as training does. Round remakes the rounded
-  // copies after the values have changed.
+  // What to compute with: in T, as training does, as planning does. Round remakes
+  // the rounded copies after the values have changed.
   Weights<T> exact() const { return {values_.data(), nullptr}; }
-  Weights<T> training() const { return {values_.data(), rounded_.get()}; }
+  Weights<T> training() const {
+    return {values_.data(), rounding_.training ? rounded_.get() : nullptr};
+  }
+  Weights<T> planning() const {
+    return {values_.data(), rounding_.planning ? rounded_.get() : nullptr};
+  }
   void Round();
 
   const std::string& name() const { return name_; }
@@ -80,6 +91,7 @@ class ParameterGroup {
   std::vector<WeightPart> parts_;
   Index size_ = 0;
   Buffer<T> values_, gradient_, first_, second_;
+  Rounding rounding_;
   std::unique_ptr<Bfloat16Weights> rounded_;
 };
 

@@ -83,10 +83,14 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
       a_(action_size),
       world_(settings, observation_size, action_size),
       behaviour_(settings, action_size) {
-  const bool rounded = settings.bfloat16 && std::is_same_v<T, float> && Bfloat16Available();
-  world_.group().Allocate(DeriveSeed(seed, kModelParameters), rounded);
+  Rounding rounding;
+  if (std::is_same_v<T, float> && Bfloat16Available()) {
+    rounding = {settings.bfloat16, settings.bfloat16_planning};
+  }
+  world_.group().Allocate(DeriveSeed(seed, kModelParameters), rounding);
   behaviour_.Allocate(DeriveSeed(seed, kActorParameters), DeriveSeed(seed, kValueParameters),
-                      rounded);
+                      rounding);
+  RoundWeights();
   statistics_.mean.assign(static_cast<std::size_t>(o_), 0.0);
   statistics_.variance.assign(static_cast<std::size_t>(o_), 1.0);
   next_statistics_ = statistics_;
@@ -205,7 +209,6 @@ void Learner<T>::Gradients(UpdateLosses* losses, const DreamStops<T>* stops) {
 
 template <typename T>
 void Learner<T>::FitGradients(UpdateLosses* losses) {
-  world_.group().Round();
   world_.group().ClearGradient();
   world_.Fit(batch_, &losses->fit);
   losses->model_gradient_norm = Norm(world_.group());
@@ -213,7 +216,6 @@ void Learner<T>::FitGradients(UpdateLosses* losses) {
 
 template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
-  behaviour_.Round();
   behaviour_.actor().ClearGradient();
   behaviour_.value().ClearGradient();
   const auto count = static_cast<Index>(starts_.size());
@@ -283,6 +285,13 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
                         : return_scale_ + settings_.return_scale_rate * (range - return_scale_);
   }
   std::swap(statistics_, next_statistics_);
+  RoundWeights();
+}
+
+template <typename T>
+void Learner<T>::RoundWeights() {
+  world_.group().Round();
+  behaviour_.Round();
 }
 
 template <typename T>
@@ -357,6 +366,7 @@ Status Learner<T>::Load(ByteSource* source) {
   if (status.ok()) {
     status = ReadArray(source, behaviour_.slow().data(), behaviour_.value().size());
   }
+  RoundWeights();
   return status;
 }
 

@@ -71,6 +71,9 @@ class Learner {
   Status Export(TensorSink* sink) const;
 
  private:
+  // After every change of the parameters.
+  void RoundWeights();
+
   Settings settings_;
   Index o_, a_;
   WorldModel<T> world_;

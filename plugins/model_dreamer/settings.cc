@@ -133,6 +133,10 @@ constexpr ParameterSpec kParameters[] = {
                     "Factors of the training's matrix products: float, or rounded to bfloat16 "
                     "where the processor multiplies it (AMX), with float weights and sums. [ours]")
         .Preset("paper", "float"),
+    ChoiceParameter("planning_precision", "bfloat16", "float,bfloat16",
+                    "The same for what planners ask: transitions, rewards, values, proposals. The "
+                    "posterior is always computed in float. [ours]")
+        .Preset("paper", "float"),
     ChoiceParameter("acting_latent", "sample", "sample,mean",
                     "What Observe returns of the posterior. [dreamer: sample]"),
     ChoiceParameter("imagined_latent", "mean", "sample,mean",
@@ -190,6 +194,7 @@ Settings SettingsFrom(const Parameters& p) {
   s.adam_epsilon = p.GetReal("adam_epsilon");
   s.gradient_clip = p.GetReal("gradient_clip");
   s.bfloat16 = p.IsChoice("precision", "bfloat16");
+  s.bfloat16_planning = p.IsChoice("planning_precision", "bfloat16");
   s.acting_latent_sample = p.IsChoice("acting_latent", "sample");
   s.imagined_latent_sample = p.IsChoice("imagined_latent", "sample");
   return s;

@@ -64,6 +64,7 @@ struct Settings {
   double adam_epsilon = 1e-7;
   double gradient_clip = 100;
   bool bfloat16 = false;
+  bool bfloat16_planning = false;
 
   // What planners see.
   bool acting_latent_sample = true;

@@ -66,7 +66,7 @@ class WorldModel {
 
   void Reserve(Index columns, TransitionTape<T>* tape) const;
 
-  // The calls below compute with `weights`: group().exact() or group().training().
+  // The calls below compute with `weights`: of group(), exact() or any other.
 
   // next = one step of the prior from `state` under `action`; the mean where
   // noise is empty. Uses the tape's columns from `first` on.

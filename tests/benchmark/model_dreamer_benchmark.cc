@@ -83,6 +83,7 @@ struct Setup {
         batch(preset == "paper" ? RandomBatch(50, 50, kObservations, kActions, 3)
                                 : RandomBatch(16, 32, kObservations, kActions, 3)) {
     settings.bfloat16 = std::string(precision) == "bfloat16";
+    settings.bfloat16_planning = settings.bfloat16;
     std::fill(batch.discounts.begin(), batch.discounts.end(), 1.0f);
     columns = static_cast<double>(batch.sequences * batch.length);
     const double eligible =
@@ -139,55 +140,45 @@ BENCHMARK_CAPTURE(Update, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::
 BENCHMARK_CAPTURE(Update, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
 
 // The parts of an update, in order: reading and drawing, the world model's fit, the
-// dream, the step of the three groups.
-enum class Part { kRead, kFit, kDream, kApply };
-
-void UpdatePart(benchmark::State& state, const char* preset, const char* precision, Part part) {
+// dream, the step of the three groups. Milliseconds of each and the rate of the two
+// that are products.
+void Parts(benchmark::State& state, const char* preset, const char* precision) {
   const Setup setup(preset, precision);
   Learner<float> learner(setup.settings, kObservations, kActions, 1);
   UpdateLosses losses;
   std::uint64_t update = 0;
+  double seconds[4] = {};
+  double begin = 0;
+  const auto lap = [&](int part) {
+    const double now = Now();
+    seconds[part] += now - begin;
+    begin = now;
+  };
   for (auto _ : state) {
-    double seconds[4];
-    double begin = Now();
+    begin = Now();
     const Status status = learner.Read(setup.batch.view(), update++);
     if (!status.ok()) state.SkipWithError(status.message);
-    seconds[0] = Now() - begin;
-    begin = Now();
+    lap(0);
     learner.FitGradients(&losses);
-    seconds[1] = Now() - begin;
-    begin = Now();
+    lap(1);
     learner.DreamGradients(&losses);
-    seconds[2] = Now() - begin;
-    begin = Now();
+    lap(2);
     learner.Apply(losses);
-    seconds[3] = Now() - begin;
-    state.SetIterationTime(seconds[static_cast<int>(part)]);
+    lap(3);
   }
-  if (part == Part::kFit) Report(state, setup.fit_flops());
-  if (part == Part::kDream) Report(state, setup.dream_flops());
+  const double each = 1.0 / static_cast<double>(update);
+  const char* const names[] = {"read_ms", "fit_ms", "dream_ms", "apply_ms"};
+  for (int part = 0; part < 4; ++part) state.counters[names[part]] = 1e3 * seconds[part] * each;
+  state.counters["fit_GFLOP/s"] = 1e-9 * setup.fit_flops() / (seconds[1] * each);
+  state.counters["dream_GFLOP/s"] = 1e-9 * setup.dream_flops() / (seconds[2] * each);
 }
-#define DREAMER_PARTS(preset, precision)                                                         \
-  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_read, #preset, #precision, Part::kRead)   \
-      ->Unit(benchmark::kMillisecond)                                                            \
-      ->UseManualTime();                                                                         \
-  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_fit, #preset, #precision, Part::kFit)     \
-      ->Unit(benchmark::kMillisecond)                                                            \
-      ->UseManualTime();                                                                         \
-  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_dream, #preset, #precision, Part::kDream) \
-      ->Unit(benchmark::kMillisecond)                                                            \
-      ->UseManualTime();                                                                         \
-  BENCHMARK_CAPTURE(UpdatePart, preset##_##precision##_apply, #preset, #precision, Part::kApply) \
-      ->Unit(benchmark::kMillisecond)                                                            \
-      ->UseManualTime();
-DREAMER_PARTS(fast, bfloat16)
-DREAMER_PARTS(paper, bfloat16)
-#undef DREAMER_PARTS
+BENCHMARK_CAPTURE(Parts, fast_bfloat16, "fast", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Parts, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::kMillisecond);
 
 // What planners ask, at `rows` latents: one transition with its value and one
 // proposed action a latent.
-void Transition(benchmark::State& state, const char* preset) {
-  const Setup setup(preset, "float");
+void Transition(benchmark::State& state, const char* preset, const char* precision) {
+  const Setup setup(preset, precision);
   Dreamer* model = new Dreamer(setup.settings, kObservations, kActions, 1);
   const auto rows = static_cast<std::uint64_t>(state.range(0));
   const std::uint64_t bytes = model->latent_bytes();
@@ -212,12 +203,22 @@ void Transition(benchmark::State& state, const char* preset) {
          2 * static_cast<double>(rows) * (work.dynamics + work.reward + work.value + work.actor));
   model->Destroy();
 }
-BENCHMARK_CAPTURE(Transition, fast, "fast")
+BENCHMARK_CAPTURE(Transition, fast_bfloat16, "fast", "bfloat16")
     ->Arg(1)
     ->Arg(20)
     ->Arg(150)
     ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(Transition, paper, "paper")
+BENCHMARK_CAPTURE(Transition, fast_float, "fast", "float")
+    ->Arg(1)
+    ->Arg(20)
+    ->Arg(150)
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(Transition, paper_bfloat16, "paper", "bfloat16")
+    ->Arg(1)
+    ->Arg(20)
+    ->Arg(150)
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(Transition, paper_float, "paper", "float")
     ->Arg(1)
     ->Arg(20)
     ->Arg(150)

@@ -11,6 +11,8 @@
 //   tree searches         bytes of the weights that one simulation after the other
 //                         must read, over the rate at which an array of that size is
 //                         summed. With leaf batches weights are read once a batch.
+// Both are of float. The second table is with planning_precision=bfloat16, which has no
+// bound here.
 #include <time.h>
 
 #include <Eigen/Core>
@@ -130,39 +132,82 @@ struct Row {
   Settings settings;
 };
 
-int Run(int decisions) {
-  const ComponentDescriptor& dreamer = LoadPlugin("model_dreamer").components[0];
-  const std::vector<ParameterValue> values = ResolvePreset(dreamer, "paper");
-  ModelContext context;
-  context.parameters = {{values.data(), values.size()}};
-  context.observation_size = kObservations;
-  context.action_size = kActions;
-  context.action_repeat = 2;
-  context.episode_decisions = 500;
-  context.seed = 1;
-  Model* model = nullptr;
-  if (Status made = dreamer.create_model(context, &model); !made.ok()) {
-    std::fprintf(stderr, "%s\n", made.message);
-    return 70;
+// The model `dreamer` at the paper's sizes and a latent to decide on.
+class Subject {
+ public:
+  explicit Subject(const char* precision) {
+    const ComponentDescriptor& dreamer = LoadPlugin("model_dreamer").components[0];
+    std::vector<ParameterValue> values = ResolvePreset(dreamer, "paper");
+    for (ParameterValue& value : values) {
+      if (std::strcmp(value.name, "planning_precision") == 0) value.choice = precision;
+    }
+    ModelContext context;
+    context.parameters = {{values.data(), values.size()}};
+    context.observation_size = kObservations;
+    context.action_size = kActions;
+    context.action_repeat = 2;
+    context.episode_decisions = 500;
+    context.seed = 1;
+    Check(dreamer.create_model(context, &model_));
+    latents_ = LatentBuffer(2, model_->latent_bytes());
+    std::vector<double> observation(kObservations, 0.1), action(kActions);
+    Check(model_->InitialLatent(latents_.row(0)));
+    Check(model_->Observe({.previous = latents_.row(0),
+                           .actions = {action.data(), 1, kActions},
+                           .observations = {observation.data(), 1, kObservations}},
+                          latents_.row(1)));
   }
-  LatentBuffer latents(2, model->latent_bytes());
-  std::vector<double> observation(kObservations, 0.1), action(kActions);
-  Status status = model->InitialLatent(latents.row(0));
-  const ObserveRequest observe{.previous = latents.row(0),
-                               .actions = {action.data(), 1, kActions},
-                               .observations = {observation.data(), 1, kObservations}};
-  if (status.ok()) status = model->Observe(observe, latents.row(1));
-  if (!status.ok()) {
-    std::fprintf(stderr, "%s\n", status.message);
-    return 70;
-  }
+  Subject(const Subject&) = delete;
+  Subject& operator=(const Subject&) = delete;
+  ~Subject() { model_->Destroy(); }
 
+  static void Check(const Status& status) {
+    if (status.ok()) return;
+    std::fprintf(stderr, "%s\n", status.message);
+    std::exit(70);
+  }
+  Model* model() { return model_; }
+  Latents root() { return latents_.row(1); }
+
+ private:
+  Model* model_ = nullptr;
+  LatentBuffer latents_;
+};
+
+struct Measured {
+  double seconds = 0;  // median of a decision
+  double macs = 0;     // of a decision
+  double weights = 0;
+  std::uint64_t transitions = 0;
+  std::uint32_t nodes = 0;
+};
+
+Measured Measure(Subject* subject, const Row& row, int decisions) {
+  Counting counting(subject->model());
+  LoadedPlanner planner(row.planner, &counting, row.settings);
+  PlanOptions options{.tree = false};
+  const Decision first = planner.Plan(subject->root(), options);
+  Subject::Check(first.status);
+  const bool slow = counting.transitions > 5000;
+  counting = Counting(subject->model());
+  const int repetitions = slow ? std::max(3, decisions / 20) : decisions;
+  Measured measured;
+  measured.seconds = MedianSeconds(repetitions, [&] {
+    ++options.seed;
+    Subject::Check(planner.Plan(subject->root(), options).status);
+  });
+  measured.macs = counting.macs / repetitions;
+  measured.weights = counting.weights / repetitions;
+  measured.transitions = counting.transitions / static_cast<std::uint64_t>(repetitions);
+  measured.nodes = first.result.nodes;
+  return measured;
+}
+
+void Run(int decisions) {
   const double product_rate = ProductRate();
   const double stream_rate = StreamRate(4 * (kTransition + kReward + kValue + kActor));
   std::printf("products %.1f GFLOP/s, weights %.1f GB/s, one thread\n", 2e-9 * product_rate,
               1e-9 * stream_rate);
-  std::printf("%-28s %10s %10s %8s %12s %8s\n", "planner", "median ms", "bound ms", "ratio",
-              "transitions", "nodes");
   const std::vector<Row> rows = {
       {"dreamer", "dreamer", {}},
       {"rollout", "rollout", {}},
@@ -177,33 +222,22 @@ int Run(int decisions) {
       {"random_shooting", "random_shooting", {}},
       {"cem", "cem", {}},
   };
+  std::printf("%-28s %10s %10s %8s %12s %8s\n", "float", "median ms", "bound ms", "ratio",
+              "transitions", "nodes");
+  Subject in_float("float");
   for (const Row& row : rows) {
-    Counting counting(model);
-    LoadedPlanner planner(row.planner, &counting, row.settings);
-    PlanOptions options{.tree = false};
-    const Decision first = planner.Plan(latents.row(1), options);
-    if (!first.status.ok()) {
-      std::fprintf(stderr, "%s: %s\n", row.label, first.status.message);
-      return 70;
-    }
-    const bool slow = counting.transitions > 5000;
-    counting = Counting(model);
-    const int repetitions = slow ? std::max(3, decisions / 20) : decisions;
-    const double median = MedianSeconds(repetitions, [&] {
-      ++options.seed;
-      static_cast<void>(planner.Plan(latents.row(1), options));
-    });
+    const Measured m = Measure(&in_float, row, decisions);
     // The larger of the two: no search can be faster than either.
-    const double bound =
-        std::max(counting.macs / product_rate, 4 * counting.weights / stream_rate) / repetitions;
-    std::printf("%-28s %10.3f %10.3f %8.2f %12llu %8u\n", row.label, 1e3 * median, 1e3 * bound,
-                median / bound,
-                static_cast<unsigned long long>(counting.transitions /
-                                                static_cast<std::uint64_t>(repetitions)),
-                first.result.nodes);
+    const double bound = std::max(m.macs / product_rate, 4 * m.weights / stream_rate);
+    std::printf("%-28s %10.3f %10.3f %8.2f %12llu %8u\n", row.label, 1e3 * m.seconds, 1e3 * bound,
+                m.seconds / bound, static_cast<unsigned long long>(m.transitions), m.nodes);
   }
-  model->Destroy();
-  return 0;
+  std::printf("%-28s %10s\n", "bfloat16", "median ms");
+  Subject in_bfloat16("bfloat16");
+  for (const Row& row : rows) {
+    const Measured m = Measure(&in_bfloat16, row, decisions);
+    std::printf("%-28s %10.3f\n", row.label, 1e3 * m.seconds);
+  }
 }
 
 }  // namespace
@@ -215,5 +249,6 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: planner_latency [decisions]\n");
     return 2;
   }
-  return dreamsearch::Run(decisions);
+  dreamsearch::Run(decisions);
+  return 0;
 }
