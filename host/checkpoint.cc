@@ -163,10 +163,13 @@ std::vector<std::filesystem::path> CheckpointFolder::List() const {
   return paths;
 }
 
+std::filesystem::path CheckpointFolder::PathOf(std::uint64_t env_step) const {
+  return folder_ / ("checkpoint-" + std::to_string(env_step) + ".ckpt");
+}
+
 std::filesystem::path CheckpointFolder::Write(std::uint64_t env_step,
                                               const CheckpointSections& sections) {
-  const std::filesystem::path path =
-      folder_ / ("checkpoint-" + std::to_string(env_step) + ".ckpt");
+  const std::filesystem::path path = PathOf(env_step);
   WriteCheckpointFile(path, sections);
   const std::vector<std::filesystem::path> all = List();
   for (std::size_t i = 2; i < all.size(); ++i) {

@@ -33,6 +33,8 @@ class CheckpointFolder {
  public:
   explicit CheckpointFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
+  std::filesystem::path PathOf(std::uint64_t env_step) const;
+
   // Writes one and removes all but the last two. Returns its path.
   std::filesystem::path Write(std::uint64_t env_step, const CheckpointSections& sections);
 

@@ -32,7 +32,11 @@ int StatusCommand(const std::vector<std::string>& arguments) {
   }
   std::size_t label_width = 0;
   const auto label = [](const results::RunInfo& run) {
-    return run.task + " " + run.planner + " seed " + std::to_string(run.seed);
+    std::string text = run.task + " " + run.planner;
+    if (run.model != "dreamer") text += " on " + run.model;
+    text += " seed " + std::to_string(run.seed);
+    if (run.parent_run_id) text += ", evaluation of " + std::to_string(*run.parent_run_id);
+    return text;
   };
   for (const results::RunInfo& run : runs) label_width = std::max(label_width, label(run).size());
   for (const results::RunInfo& run : runs) {

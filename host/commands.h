@@ -18,6 +18,9 @@ int ListCommand(const std::vector<std::string>& arguments);
 // runner describe [KIND/]NAME
 int DescribeCommand(const std::vector<std::string>& arguments);
 
+// runner eval [RUN]
+int EvalCommand(const std::vector<std::string>& arguments);
+
 // runner export RUN; ExportModelMain is its child process, which loads the plugins
 int ExportCommand(const std::vector<std::string>& arguments);
 int ExportModelMain();

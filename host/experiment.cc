@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "byte_buffer.h"
+#include "episode.h"
 #include "error.h"
 #include "results/digest.h"
 #include "schedule.h"
@@ -15,26 +16,8 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-bool AllFinite(View<const double> values) {
-  return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
-}
-
-double Percentile95(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const std::size_t index = (values.size() - 1) * 95 / 100;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index),
-                   values.end());
-  return values[index];
-}
-
 // The database counts in signed 64-bit integers.
 std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return values.empty() ? 0 : sum / static_cast<double>(values.size());
-}
 
 }  // namespace
 
@@ -62,9 +45,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       action_(environment_->spec().action_size),
       episode_metrics_(components_.planner().metrics.size),
       burst_metrics_(components_.model().metrics.size),
-      metrics_(components_.model().metrics.size),
-      bounded_action_(environment_->spec().action_size),
-      environment_state_(environment_->spec().state_bytes) {
+      metrics_(components_.model().metrics.size) {
   Agent::Parts parts;
   parts.model = model_.get();
   parts.model_name = spec_.model.name();
@@ -153,10 +134,9 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
 }
 
 void Experiment::Watch(const char* stage) {
-  ExperimentProgress progress;
+  RunProgress progress;
   progress.stage = stage;
   progress.env_step = at_.env_step;
-  progress.env_steps_target = target_;
   progress.training_return = at_.last_training_return;
   progress.evaluation_return = at_.last_evaluation_return;
   watcher_(progress);
@@ -184,30 +164,6 @@ void Experiment::BeginEpisode() {
   agent_->BeginEpisode(Phase::kTraining, at_.training_episodes);
 }
 
-double Experiment::StepEnvironment(Environment* environment, View<const double> action,
-                                   View<double> observation, std::uint64_t max_steps,
-                                   StepResult* last, std::uint64_t* steps) {
-  ToEnvironmentBounds(environment->spec(), action,
-                      {bounded_action_.data(), bounded_action_.size()});
-  const auto repeat =
-      std::min<std::uint64_t>(max_steps, spec_.run.Integer("action_repeat"));
-  double reward = 0;
-  *steps = 0;
-  for (std::uint64_t i = 0; i < repeat; ++i) {
-    const Status status =
-        environment->Step({bounded_action_.data(), bounded_action_.size()}, observation, last);
-    ThrowUnlessOk(status, "environment '" + spec_.environment.name() + "' Step");
-    ++*steps;
-    reward += last->reward;
-    if (last->last) break;
-  }
-  if (!std::isfinite(reward) || !std::isfinite(last->discount) || !AllFinite(observation)) {
-    throw RunnerError(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
-                                               "': a reward or an observation is not finite");
-  }
-  return reward;
-}
-
 void Experiment::MakeDecision() {
   const double begin = ActivityClock::Now();
   Decision decision;
@@ -223,24 +179,23 @@ void Experiment::MakeDecision() {
       episode_metrics_[i] += agent_->metrics()[i];
     }
   }
-  StepResult result;
-  std::uint64_t steps = 0;
-  double reward = 0;
+  HeldAction held;
   {
     const ActivityScope scope(&clock_, Activity::kEnvironment);
-    reward = StepEnvironment(environment_.get(), {action_.data(), action_.size()},
-                             {observation_.data(), observation_.size()}, target_ - at_.env_step,
-                             &result, &steps);
-    replay_.Add({action_.data(), action_.size()}, reward, result.discount,
+    held = HoldAction(environment_.get(), spec_.environment.name(),
+                      {action_.data(), action_.size()},
+                      std::min<std::uint64_t>(target_ - at_.env_step, spec_.action_repeat()),
+                      {observation_.data(), observation_.size()});
+    replay_.Add({action_.data(), action_.size()}, held.reward, held.discount,
                 {observation_.data(), observation_.size()});
     episode_actions_.insert(episode_actions_.end(), action_.begin(), action_.end());
   }
-  at_.env_step += steps;
+  at_.env_step += held.steps;
   ++at_.decisions;
-  episode_.length += steps;
-  episode_.episode_return += reward;
+  episode_.length += held.steps;
+  episode_.episode_return += held.reward;
   results::EpisodeDigest digest(episode_.digest);
-  digest.AddDecision(action_.data(), action_.size(), reward, decision.value);
+  digest.AddDecision(action_.data(), action_.size(), held.reward, decision.value);
   episode_.digest = digest.state();
   plan_us_.push_back(decision.plan_us);
 
@@ -249,7 +204,7 @@ void Experiment::MakeDecision() {
   row.env_step = Signed(at_.env_step);
   row.episode = Signed(at_.training_episodes);
   row.t = Signed(episode_.t);
-  row.reward = reward;
+  row.reward = held.reward;
   row.value = decision.value;
   row.plan_us = std::llround(decision.plan_us);
   row.simulations = decision.simulations;
@@ -263,7 +218,7 @@ void Experiment::MakeDecision() {
   }
   ++episode_.t;
   episode_.wall_seconds += ActivityClock::Now() - begin;
-  if (result.last || at_.env_step >= target_) FinishEpisode();
+  if (held.last || at_.env_step >= target_) FinishEpisode();
 }
 
 void Experiment::FinishEpisode() {
@@ -358,39 +313,22 @@ void Experiment::FinishUpdates() {
 }
 
 bool Experiment::EvaluateEpisode(Agent* agent, std::uint64_t index, results::EpisodeRow* row) {
-  const auto seed = static_cast<std::uint32_t>(
-      SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kEvaluation, index, 0));
-  Environment* environment = evaluation_environment_.get();
-  std::vector<double> observation(environment->spec().observation_size);
-  const View<double> view{observation.data(), observation.size()};
-  ThrowUnlessOk(environment->Reset(seed, view),
-                "environment '" + spec_.environment.name() + "' Reset");
-  agent->BeginEpisode(Phase::kEvaluation, index);
-  const double begin = ActivityClock::Now();
-  const std::uint64_t transitions_before = agent->transitions();
-  std::vector<double> plan_us;
-  results::EpisodeDigest digest;
-  StepResult result;
-  while (!result.last) {
+  EvaluationEpisode episode;
+  episode.agent = agent;
+  episode.environment = evaluation_environment_.get();
+  episode.environment_name = spec_.environment.name();
+  episode.action_repeat = spec_.action_repeat();
+  episode.run_seed = spec_.seed;
+  episode.index = index;
+  episode.env_step = at_.env_step;
+  EpisodeHooks hooks;
+  hooks.go_on = [this](std::uint64_t) {
     if (stop_->load(std::memory_order_relaxed)) return false;
-    const Decision decision = agent->Decide(view, false, at_.env_step);
-    std::uint64_t steps = 0;
-    const double reward =
-        StepEnvironment(environment, agent->action(), view,
-                        std::numeric_limits<std::uint64_t>::max(), &result, &steps);
-    row->length += Signed(steps);
-    row->episode_return += reward;
-    digest.AddDecision(agent->action().data, agent->action().size, reward, decision.value);
-    plan_us.push_back(decision.plan_us);
     Watch("evaluate");
     writer_->CommitIfDue();
-  }
-  row->wall_seconds = ActivityClock::Now() - begin;
-  row->plan_us_mean = Mean(plan_us);
-  row->plan_us_p95 = Percentile95(plan_us);
-  row->model_transitions = Signed(agent->transitions() - transitions_before);
-  row->digest = digest.state();
-  return true;
+    return true;
+  };
+  return PlayEvaluationEpisode(episode, hooks, row);
 }
 
 bool Experiment::Evaluate() {
@@ -549,11 +487,9 @@ void Experiment::Load(const CheckpointSections& sections) {
     ThrowUnlessOk(environment_->Reset(seed, view),
                   "environment '" + spec_.environment.name() + "' Reset");
     for (std::uint64_t t = 0; t < episode_.t; ++t) {
-      StepResult result;
-      std::uint64_t steps = 0;
-      StepEnvironment(environment_.get(),
-                      {episode_actions_.data() + t * action_.size(), action_.size()}, view,
-                      std::numeric_limits<std::uint64_t>::max(), &result, &steps);
+      HoldAction(environment_.get(), spec_.environment.name(),
+                 {episode_actions_.data() + t * action_.size(), action_.size()},
+                 spec_.action_repeat(), view);
     }
   }
   agent_->Load(&episode);

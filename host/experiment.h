@@ -16,7 +16,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,22 +25,14 @@
 #include "agent.h"
 #include "checkpoint.h"
 #include "components.h"
+#include "procedure.h"
 #include "replay.h"
 #include "results/run_writer.h"
 #include "settings.h"
 
 namespace dreamsearch {
 
-// What a person watching wants to know.
-struct ExperimentProgress {
-  const char* stage = "starting";
-  std::uint64_t env_step = 0;
-  std::uint64_t env_steps_target = 0;
-  double training_return = 0;     // of the last episode; NaN before it
-  double evaluation_return = 0;   // mean of the last evaluation; NaN before it
-};
-
-class Experiment {
+class Experiment final : public Procedure {
  public:
   struct Options {
     std::uint32_t threads = 1;
@@ -49,24 +40,18 @@ class Experiment {
     double segment_started = ActivityClock::Now();  // from when wall time is accounted
     std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };
-  // Called often, at least once a decision and once an update.
-  using Watcher = std::function<void(const ExperimentProgress&)>;
-
   // `writer` receives the rows; it must have an open segment.
   Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
              std::filesystem::path folder);
-  ~Experiment();
+  ~Experiment() override;
 
-  enum class Outcome { kFinished, kInterrupted };
-  // Runs to the end, or until *stop is set.
-  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher);
+  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
 
   // The state, `with_replay` unless it is the last checkpoint of a finished run.
   CheckpointSections Save(bool with_replay) const;
-  void Load(const CheckpointSections& sections);
+  void Load(const CheckpointSections& sections) override;
 
-  // Where a loaded or running experiment is.
-  std::uint64_t env_step() const { return at_.env_step; }
+  std::uint64_t env_step() const override { return at_.env_step; }
   const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
 
   // What a resume needs to know of a checkpoint without making the components.
@@ -119,10 +104,6 @@ class Experiment {
   void RecordTimeUse();
   void WriteCheckpoint(bool with_replay);
   void Watch(const char* stage);
-  // Applies an action for the action repeat. Returns the summed reward.
-  double StepEnvironment(Environment* environment, View<const double> action,
-                         View<double> observation, std::uint64_t max_steps, StepResult* last,
-                         std::uint64_t* steps);
   void AddArtifact(const std::filesystem::path& path, const std::string& kind);
   void DumpDivergence(const std::string& message);
 
@@ -155,8 +136,6 @@ class Experiment {
   std::vector<double> episode_metrics_;      // sums over this episode's planned decisions
   std::vector<double> burst_metrics_;        // sums over the updates since the last record
   std::vector<double> metrics_;
-  std::vector<double> bounded_action_;
-  std::vector<std::byte> environment_state_;
 
   std::vector<std::int64_t> planner_metric_ids_;
   std::vector<std::int64_t> model_metric_ids_;

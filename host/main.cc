@@ -29,7 +29,7 @@ Command NotYet(const char* name) {
 const std::map<std::string, Command>& Commands() {
   static const std::map<std::string, Command> commands = {
       {"check", NotYet("check")},     {"describe", DescribeCommand},
-      {"eval", NotYet("eval")},       {"explain", NotYet("explain")},
+      {"eval", EvalCommand},       {"explain", NotYet("explain")},
       {"export", ExportCommand},   {"list", ListCommand},
       {"new", NotYet("new")},         {"render", NotYet("render")},
       {"resume", ResumeCommand},      {"status", StatusCommand},

@@ -179,6 +179,39 @@ po::options_description SettingFlags(Options* options) {
   return flags;
 }
 
+po::options_description EvaluationFlags(EvaluationOptions* evaluation) {
+  Options* options = &evaluation->choice;
+  po::options_description flags("What to evaluate");
+  const auto names = [](const char* flag, std::vector<std::string>* list) {
+    return Text("NAMES", Named(flag, [list](const std::string& text) { *list = ParseNames(text); }));
+  };
+  flags.add_options()
+      ("run", po::value(&evaluation->run)->value_name("RUN"),
+       "the trained run: its number or the beginning of its UUID")
+      ("planner", names("planner", &options->planners), "planners, comma separated")
+      ("model", names("model", &options->models),
+       "models, comma separated (the run's own; oracle without RUN)")
+      ("episodes", po::value<std::string>()->value_name("N"),
+       "episodes a planner and model (run.eval_episodes)")
+      ("env", names("env", &options->environments), "tasks, comma separated; without RUN")
+      ("seeds", Text("N", Named("seeds", [options](const std::string& text) {
+         const std::uint64_t count = ParseCount(text, 1, kMostSeeds);
+         for (std::uint64_t seed = 0; seed < count; ++seed) options->seeds.push_back(seed);
+       })), "run seeds 0 .. N-1, each with episodes of its own; without RUN (1)")
+      ("seed-list", Text("A,B,...", Named("seed-list", [options](const std::string& text) {
+         options->seeds = ParseSeedList(text);
+       })), "these run seeds; without RUN")
+      ("study", po::value<std::string>()->value_name("NAME"),
+       "named comparison the evaluations belong to; without RUN (default)")
+      ("preset", po::value<std::string>()->value_name("NAME"),
+       "preset of planners and models that the run did not train with (the run's; fast)")
+      ("set", po::value<std::vector<std::string>>()->value_name("KEY=VALUE")->composing(),
+       "a parameter: planner.k, mcts_pw.k, model.k, env.k; without RUN also "
+       "run.action_repeat")
+      ("help,h", "show this text");
+  return flags;
+}
+
 po::options_description GeneralFlags(Options* options) {
   po::options_description flags("General");
   flags.add_options()
@@ -407,7 +440,7 @@ po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
   return flags;
 }
 
-po::options_description ProcessFlags(ProcessOptions* process) {
+po::options_description LimitFlags(ProcessOptions* process) {
   process->jobs = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   po::options_description flags("Where and within which limits");
   flags.add_options()
@@ -432,7 +465,13 @@ po::options_description ProcessFlags(ProcessOptions* process) {
        })), "end a run that uses so much processor time without a sign of life (60)")
       ("retry", po::bool_switch(&process->retry), "run failed, crashed and diverged runs again")
       ("replace", po::bool_switch(&process->replace),
-       "let a changed plugin or configuration replace an unfinished run")
+       "let a changed plugin or configuration replace an unfinished run");
+  return flags;
+}
+
+po::options_description ProcessFlags(ProcessOptions* process) {
+  po::options_description flags = LimitFlags(process);
+  flags.add_options()
       ("log-decisions", po::bool_switch(&process->log_decisions),
        "store a row of search statistics for every decision")
       ("record-trees", po::bool_switch(&process->record_trees),
@@ -516,6 +555,104 @@ Options ParseOptions(const std::vector<std::string>& arguments) {
   if (options.models.empty()) options.models = {"dreamer"};
   if (options.seeds.empty()) options.seeds = {0};
   return options;
+}
+
+EvaluationOptions ParseEvaluationOptions(const std::vector<std::string>& arguments) {
+  const std::string command = "runner eval";
+  EvaluationOptions evaluation;
+  Options& options = evaluation.choice;
+  options.evaluate = true;
+  options.preset.clear();
+  options.study.clear();
+  for (const std::string& argument : arguments) {
+    options.help = options.help || argument == "--help" || argument == "-h";
+  }
+  if (options.help) return evaluation;
+  po::options_description flags = EvaluationFlags(&evaluation);
+  flags.add(LimitFlags(&options.process));
+  po::positional_options_description positional;
+  positional.add("run", 1);
+  const po::variables_map given = ParseFlags(command, arguments, flags, positional);
+  if (given.contains("episodes")) {
+    options.settings.push_back({"run.eval_episodes", given["episodes"].as<std::string>(), false,
+                                command + ": --episodes"});
+  }
+  if (given.contains("set")) {
+    for (const std::string& text : given["set"].as<std::vector<std::string>>()) {
+      const Setting setting = ParseSetting(text, false, command + ": --set");
+      const bool of_run = setting.key.starts_with("run.");
+      if (of_run && (!evaluation.run.empty() || setting.key != "run.action_repeat")) {
+        Usage(setting.where + ": " + setting.key +
+              (evaluation.run.empty()
+                   ? ": nothing is trained; expected run.action_repeat or a parameter of env, "
+                     "model or a planner, and --episodes for their number"
+                   : ": the trained run's settings stay; expected a parameter of a planner or a "
+                     "model, and --episodes for their number"));
+      }
+      options.settings.push_back(setting);
+    }
+  }
+  const std::string example =
+      evaluation.run.empty()
+          ? " (for example: runner eval --env cartpole_swingup --planner random,cem)"
+          : " (for example: runner eval " + evaluation.run + " --planner dreamer,mcts_pw)";
+  if (options.planners.empty()) Usage(command + ": expected a planner, --planner NAME" + example);
+  if (given.contains("seeds") && given.contains("seed-list")) {
+    Usage(command + ": expected --seeds or --seed-list, found both");
+  }
+  if (evaluation.run.empty()) {
+    if (options.environments.empty()) {
+      Usage(command + ": expected a trained run or a task, RUN or --env NAME" + example);
+    }
+    options.study = given.contains("study") ? given["study"].as<std::string>() : "default";
+    if (options.study.empty()) Usage(command + ": --study: expected a name, found nothing");
+    if (!IsUtf8(options.study)) Usage(command + ": --study: expected a name in UTF-8");
+    if (options.models.empty()) options.models = {"oracle"};
+    if (options.seeds.empty()) options.seeds = {0};
+  } else {
+    for (const char* flag : {"env", "seeds", "seed-list", "study"}) {
+      if (given.contains(flag)) {
+        Usage(command + ": --" + flag + " is the trained run's; expected RUN or --" + flag +
+              ", found both");
+      }
+    }
+  }
+  options.preset = given.contains("preset") ? given["preset"].as<std::string>()
+                   : evaluation.run.empty() ? "fast"
+                                            : "";
+  return evaluation;
+}
+
+std::string EvaluationHelp() {
+  EvaluationOptions evaluation;
+  std::ostringstream text;
+  text << R"(runner eval - plays evaluation episodes of a trained agent, under any planner
+
+Usage
+  runner eval RUN --planner NAMES [--model NAMES] [flags]    a trained run's newest checkpoint
+  runner eval --env NAMES --planner NAMES [flags]            no training: on the oracle
+
+Examples
+  runner eval 3 --planner dreamer,rollout,mcts_pw --episodes 20
+  runner eval 3 --planner mcts_pw --model dreamer,oracle --episodes 20
+  runner eval --env cartpole_swingup,reacher_easy --planner random,cem,mppi --episodes 20
+
+The model `oracle` is the simulator itself. With RUN it takes proposal and value from the
+trained actor and critic, so that the second example tells the planner's error from the
+model's. Without RUN it proposes uniform random actions and values everything 0: the planner
+`random` is then the baseline (`dreamer` plays the action 0). A planner that the run trained
+or evaluated with keeps the run's settings, others have those of the preset; --set changes any.
+
+Episode i starts in the same state under every planner and model of a run seed. The table on
+standard output says for each the mean return and its standard error, milliseconds a decision
+and model transitions a decision; --jobs 1 plays one episode at a time, for times that are not
+disturbed. Every evaluation is a run of the database that names its parent. The same command
+again plays only what is missing.
+
+)";
+  ProcessOptions process;
+  text << EvaluationFlags(&evaluation) << '\n' << LimitFlags(&process);
+  return text.str();
 }
 
 std::string RunnerHelp() {

@@ -53,7 +53,16 @@ struct Options {
   std::string preset = "fast";
   std::vector<Setting> settings;      // the file's first; --steps is run.steps
   std::string config;                 // the file, empty if none
+  bool evaluate = false;              // of `runner eval`: nothing is trained
   ProcessOptions process;
+};
+
+// The command line of `runner eval`.
+struct EvaluationOptions {
+  std::string run;     // the trained run; empty: none
+  // What the command line says; empty lists where it says nothing. Settings hold
+  // --episodes as run.eval_episodes.
+  Options choice;
 };
 
 // Reads the arguments after the program's name, and the file of --config.
@@ -65,11 +74,19 @@ Options ParseOptions(const std::vector<std::string>& arguments);
 // The text of `runner --help`.
 std::string RunnerHelp();
 
-// For subcommands. The flags that fill *process (all of ProcessOptions, or only
-// --plugin-path); ParseFlags reads them with RunnerError instead of Boost's
+// Reads the arguments after `runner eval`; choice.help as in ParseOptions. kUsage as
+// there, and for what does not go together: a task, seeds or a study beside RUN, no
+// task without one, settings of the training.
+EvaluationOptions ParseEvaluationOptions(const std::vector<std::string>& arguments);
+// The text of `runner eval --help`.
+std::string EvaluationHelp();
+
+// For subcommands. The flags that fill *process (all of ProcessOptions, without those
+// about recording and dry runs, or only --plugin-path); ParseFlags reads them with RunnerError instead of Boost's
 // errors. A flag may be given once unless its value is a vector. `command` is
 // for messages: "runner list".
 boost::program_options::options_description ProcessFlags(ProcessOptions* process);
+boost::program_options::options_description LimitFlags(ProcessOptions* process);
 boost::program_options::options_description PluginPathFlag(std::vector<std::string>* plugin_path);
 boost::program_options::variables_map ParseFlags(
     const std::string& command, const std::vector<std::string>& arguments,

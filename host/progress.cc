@@ -66,9 +66,8 @@ void RateMeter::Add(double now_seconds, std::uint64_t env_step, bool counts) {
 double RateMeter::Rate() const {
   if (points_.size() < 2) return 0;
   const double seconds = points_.back().first - points_.front().first;
-  const auto steps = static_cast<double>(points_.back().second - points_.front().second);
-  // One episode with its updates at least, or the rate says nothing.
-  return seconds > 3 && steps >= 1000 ? steps / seconds : 0;
+  const std::uint64_t steps = points_.back().second - points_.front().second;
+  return seconds > 3 && steps >= least_steps_ ? static_cast<double>(steps) / seconds : 0;
 }
 
 ProgressDisplay::ProgressDisplay() : terminal_(::isatty(STDERR_FILENO) != 0) {

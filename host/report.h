@@ -4,10 +4,9 @@
 // a lost report loses nothing.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
-
-#include "experiment.h"
 
 namespace dreamsearch {
 

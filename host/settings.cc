@@ -182,7 +182,7 @@ class Resolver {
       if (base != nullptr) RestoreFrom(*base, &target);
     }
     for (const Setting& setting : options.settings) Apply(setting);
-    CheckRun();
+    if (!options.evaluate) CheckRun();
   }
 
   std::vector<RunSpec> Matrix(const Options& options) const {
@@ -555,6 +555,7 @@ Json ToJson(const RunSpec& spec) {
     json["evaluation"] = {{"parent_run_id", evaluation->parent_run_id},
                           {"parent_uuid", evaluation->parent_uuid},
                           {"env_step", evaluation->env_step},
+                          {"episode_steps", evaluation->episode_steps},
                           {"agent_sha256", evaluation->agent_sha256}};
     if (evaluation->behaviour) {
       json["evaluation"]["behaviour"] = ComponentJson(*evaluation->behaviour);
@@ -579,6 +580,7 @@ RunSpec RunSpecFromJson(const Json& json) {
       found->at("parent_run_id").get_to(evaluation.parent_run_id);
       found->at("parent_uuid").get_to(evaluation.parent_uuid);
       found->at("env_step").get_to(evaluation.env_step);
+      found->at("episode_steps").get_to(evaluation.episode_steps);
       found->at("agent_sha256").get_to(evaluation.agent_sha256);
       if (found->contains("behaviour")) {
         evaluation.behaviour = ComponentFromJson(found->at("behaviour"));

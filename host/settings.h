@@ -59,6 +59,7 @@ struct EvaluationSpec {
   std::int64_t parent_run_id = 0;
   std::string parent_uuid;
   std::uint64_t env_step = 0;  // environment steps of training in its checkpoint
+  std::uint64_t episode_steps = 0;  // environment steps of an episode of the task
   std::string agent_sha256;    // of the trained model as saved there
   // The trained run's model, when it gives only proposal and value to the run's
   // own model: ModelContext::behaviour.
@@ -81,6 +82,11 @@ struct RunSpec {
   std::uint64_t steps() const { return run.Integer("steps"); }
   std::uint32_t action_repeat() const {
     return static_cast<std::uint32_t>(run.Integer("action_repeat"));
+  }
+  // Environment steps that its process makes, for progress: those of the training, or
+  // of the episodes evaluated.
+  std::uint64_t work_steps() const {
+    return evaluation ? run.Integer("eval_episodes") * evaluation->episode_steps : steps();
   }
 };
 

@@ -101,7 +101,11 @@ class Sweep {
     const std::size_t at_once =
         std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
     for (SweepJob& job : jobs_) {
-      job.work.threads = static_cast<std::uint32_t>(std::max<std::size_t>(1, cores / at_once));
+      // A training's model takes the cores that are free; of an evaluation, whose times
+      // count, --jobs is the number of episodes at once.
+      const std::size_t share =
+          (job.work.spec.evaluation ? static_cast<std::size_t>(options.jobs) : cores) / at_once;
+      job.work.threads = static_cast<std::uint32_t>(std::max<std::size_t>(1, share));
     }
   }
 
@@ -170,7 +174,9 @@ class Sweep {
     run->started = ActivityClock::Now();
     run->line.label = job.label;
     run->line.stage = "starting";
-    run->line.env_steps_target = job.work.spec.steps();
+    run->line.env_steps_target = job.work.spec.work_steps();
+    // A training's rate must hold an episode with its updates; decisions are all alike.
+    run->rate = RateMeter(job.work.spec.evaluation ? 1 : 1000);
     run->line.training_return = std::numeric_limits<double>::quiet_NaN();
     run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
     display_.Say("started " + job.label);
@@ -345,7 +351,7 @@ class Sweep {
                           FormatDuration(now - started_) + " so far";
     double waiting_steps = 0;
     for (std::size_t i = next_; i < jobs_.size(); ++i) {
-      waiting_steps += static_cast<double>(jobs_[i].work.spec.steps());
+      waiting_steps += static_cast<double>(jobs_[i].work.spec.work_steps());
     }
     if (rate > 0) {
       summary += ", about " + FormatDuration(active_left + waiting_steps / rate) + " left";

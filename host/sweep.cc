@@ -5,24 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "catalogue.h"
+#include "checkpoint.h"
 #include "provenance.h"
 
 namespace dreamsearch {
 namespace {
 
 constexpr char kSpecFile[] = "run.json";
-
-results::RunKey KeyOf(const RunSpec& spec) {
-  results::RunKey key;
-  key.study = spec.study;
-  key.task = spec.environment.name();
-  key.planner = spec.planner.name();
-  key.model = spec.model.name();
-  key.config_sha256 = ConfigurationSha256(spec);
-  key.seed = static_cast<std::int64_t>(spec.seed);
-  key.action_repeat = spec.action_repeat();
-  return key;
-}
 
 // Which of the run's plugins is not the one it was begun with; empty if none.
 std::string ChangedPlugin(results::Database* database, const results::RunInfo& run,
@@ -69,6 +58,11 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   job.work.db = database->path();
   job.work.run_id = run_id;
   job.work.folder = database->RunFolder(uuid);
+  if (spec.evaluation && !spec.evaluation->parent_uuid.empty()) {
+    job.work.agent_checkpoint =
+        CheckpointFolder(database->RunFolder(spec.evaluation->parent_uuid))
+            .PathOf(spec.evaluation->env_step);
+  }
   job.work.memory_limit_bytes = options.memory_limit_bytes;
   job.work.log_decisions = options.log_decisions;
   return job;
@@ -88,8 +82,24 @@ void WriteSpec(const std::filesystem::path& folder, const RunSpec& spec) {
 
 }  // namespace
 
+results::RunKey KeyOf(const RunSpec& spec) {
+  results::RunKey key;
+  key.study = spec.study;
+  key.task = spec.environment.name();
+  key.planner = spec.planner.name();
+  key.model = spec.model.name();
+  key.config_sha256 = ConfigurationSha256(spec);
+  key.seed = static_cast<std::int64_t>(spec.seed);
+  key.action_repeat = spec.action_repeat();
+  if (spec.evaluation && spec.evaluation->parent_run_id != 0) {
+    key.parent_run_id = spec.evaluation->parent_run_id;
+  }
+  return key;
+}
+
 std::string RunLabel(const RunSpec& spec) {
-  std::string label = spec.environment.name() + " " + spec.planner.name();
+  std::string label = spec.evaluation ? "evaluation of " : "";
+  label += spec.environment.name() + " " + spec.planner.name();
   if (spec.model.name() != "dreamer") label += " on " + spec.model.name();
   return label + " seed " + std::to_string(spec.seed);
 }
@@ -128,7 +138,9 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
         run.note = changed;
       } else {
         run.action = Action::kResume;
-        run.note = "from environment step " + std::to_string(found->env_steps_done);
+        run.note = spec.evaluation ? "from its last recorded episode"
+                                   : "from environment step " +
+                                         std::to_string(found->env_steps_done);
       }
     }
     planned.push_back(std::move(run));
@@ -163,7 +175,9 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.preset = spec.preset;
     row.seed = static_cast<std::int64_t>(spec.seed);
     row.action_repeat = spec.action_repeat();
-    row.env_steps_target = static_cast<std::int64_t>(spec.steps());
+    row.env_steps_target =
+        static_cast<std::int64_t>(spec.evaluation ? spec.evaluation->env_step : spec.steps());
+    row.parent_run_id = KeyOf(spec).parent_run_id;
     row.argv = nlohmann::json(argv).dump();
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;

@@ -15,8 +15,12 @@
 
 namespace dreamsearch {
 
-// "walker_walk mcts_pw seed 0", with the model where it is not `dreamer`.
+// "walker_walk mcts_pw seed 0", with the model where it is not `dreamer`; an
+// evaluation says so.
 std::string RunLabel(const RunSpec& spec);
+
+// The key under which the database knows the run.
+results::RunKey KeyOf(const RunSpec& spec);
 
 enum class Action { kStart, kResume, kStartOver, kSkipFinished, kSkipFailed, kSkipActive };
 

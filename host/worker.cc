@@ -17,6 +17,7 @@
 
 #include "catalogue.h"
 #include "child_process.h"
+#include "evaluation.h"
 #include "experiment.h"
 #include "provenance.h"
 #include "report.h"
@@ -112,6 +113,29 @@ void CheckPluginFiles(const RunSpec& spec) {
 
 void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
 
+// Environment step and counts from which the run goes on.
+results::ResumePoint ResumePointOf(const WorkerJob& job, const CheckpointSections& sections) {
+  return job.spec.evaluation ? Evaluation::ResumePointOf(sections, job.spec.evaluation->env_step)
+                             : Experiment::ResumePointOf(sections);
+}
+
+std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, double segment_started,
+                                         results::RunWriter* writer) {
+  if (job.spec.evaluation) {
+    Evaluation::Options options;
+    options.threads = job.threads;
+    options.agent = job.agent_checkpoint;
+    options.checkpoint_header = CheckpointHeader(job.spec);
+    return std::make_unique<Evaluation>(job.spec, options, writer, job.folder);
+  }
+  Experiment::Options options;
+  options.segment_started = segment_started;
+  options.threads = job.threads;
+  options.log_decisions = job.log_decisions;
+  options.checkpoint_header = CheckpointHeader(job.spec);
+  return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
+}
+
 int Work(const WorkerJob& job) {
   if (job.memory_limit_bytes != 0) {
     const rlimit limit{job.memory_limit_bytes, job.memory_limit_bytes};
@@ -131,31 +155,26 @@ int Work(const WorkerJob& job) {
   segment.build_id = database->Build(ThisBuild());
   segment.instruction_set = InstructionSet();
   if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
-  writer.BeginSegment(segment, loaded ? Experiment::ResumePointOf(loaded->sections)
-                                      : results::ResumePoint());
+  writer.BeginSegment(segment, loaded ? ResumePointOf(job, loaded->sections) : results::ResumePoint());
 
-  Experiment::Options options;
-  options.segment_started = ActivityClock::Now();
-  options.threads = job.threads;
-  options.log_decisions = job.log_decisions;
-  options.checkpoint_header = CheckpointHeader(job.spec);
-  std::unique_ptr<Experiment> experiment;
+  const double segment_started = ActivityClock::Now();
+  std::unique_ptr<Procedure> procedure;
   try {
-    experiment = std::make_unique<Experiment>(job.spec, options, &writer, job.folder);
+    procedure = MakeProcedure(job, segment_started, &writer);
     if (loaded) {
       for (const std::string& skipped : loaded->skipped) {
         writer.AddEvent(0, "warning", "damaged_checkpoint", skipped);
         std::cerr << "warning: " << skipped << "\n";
       }
-      experiment->Load(loaded->sections);
-      writer.AddEvent(static_cast<std::int64_t>(experiment->env_step()), "info", "resume",
+      procedure->Load(loaded->sections);
+      writer.AddEvent(static_cast<std::int64_t>(procedure->env_step()), "info", "resume",
                       "from " + loaded->path.filename().string());
-      std::cerr << "resumed at environment step " << experiment->env_step() << "\n";
+      std::cerr << "resumed at environment step " << procedure->env_step() << "\n";
       loaded.reset();
     }
     double last_report = 0;
-    const Experiment::Outcome outcome =
-        experiment->Run(&stop_requested, [&](const ExperimentProgress& progress) {
+    const Procedure::Outcome outcome =
+        procedure->Run(&stop_requested, [&](const RunProgress& progress) {
           const double now = ActivityClock::Now();
           if (now - last_report < 0.2) return;
           last_report = now;
@@ -166,8 +185,8 @@ int Work(const WorkerJob& job) {
           report.evaluation_return = progress.evaluation_return;
           Send(report);
         });
-    const auto env_step = static_cast<std::int64_t>(experiment->env_step());
-    if (outcome == Experiment::Outcome::kInterrupted) {
+    const auto env_step = static_cast<std::int64_t>(procedure->env_step());
+    if (outcome == Procedure::Outcome::kInterrupted) {
       writer.EndSegment("interrupted", env_step);
       std::cerr << "interrupted at environment step " << env_step << ", checkpoint written\n";
       return static_cast<int>(ExitCode::kInterrupted);
@@ -179,10 +198,10 @@ int Work(const WorkerJob& job) {
     std::cerr << "finished, result digest " << report.result_digest << "\n";
     return 0;
   } catch (const RunnerError& error) {
-    writer.AddEvent(experiment ? static_cast<std::int64_t>(experiment->env_step()) : 0, "error",
+    writer.AddEvent(procedure ? static_cast<std::int64_t>(procedure->env_step()) : 0, "error",
                     error.code() == ExitCode::kDiverged ? "diverged" : "failed", error.what());
     writer.EndSegment(error.code() == ExitCode::kDiverged ? "diverged" : "failed",
-                      experiment ? static_cast<std::int64_t>(experiment->env_step()) : 0);
+                      procedure ? static_cast<std::int64_t>(procedure->env_step()) : 0);
     throw;
   }
 }
@@ -195,6 +214,7 @@ std::string EncodeJob(const WorkerJob& job) {
   json["db"] = job.db;
   json["run_id"] = job.run_id;
   json["folder"] = job.folder.string();
+  json["agent_checkpoint"] = job.agent_checkpoint.string();
   json["threads"] = job.threads;
   json["memory_limit_bytes"] = job.memory_limit_bytes;
   json["log_decisions"] = job.log_decisions;
@@ -210,6 +230,7 @@ WorkerJob DecodeJob(const std::string& text) {
     job.db = json.at("db");
     job.run_id = json.at("run_id");
     job.folder = json.at("folder").get<std::string>();
+    job.agent_checkpoint = json.at("agent_checkpoint").get<std::string>();
     job.threads = json.at("threads");
     job.memory_limit_bytes = json.at("memory_limit_bytes");
     job.log_decisions = json.at("log_decisions");

@@ -18,6 +18,8 @@ struct WorkerJob {
   std::string db;                // absolute path
   std::int64_t run_id = 0;
   std::filesystem::path folder;  // the run's: checkpoints, log, dumps
+  // Of an evaluation of a trained run: that run's checkpoint.
+  std::filesystem::path agent_checkpoint;
   std::uint32_t threads = 1;
   std::uint64_t memory_limit_bytes = 0;  // 0: none
   bool log_decisions = false;

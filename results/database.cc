@@ -579,7 +579,7 @@ std::vector<RunInfo> Database::ListRuns(const RunFilter& filter) {
       " AND (?3 = '[]' OR r.planner IN (SELECT value FROM json_each(?3)))"
       " AND (?4 = '[]' OR CAST(r.seed AS TEXT) IN (SELECT value FROM json_each(?4)))"
       " AND (?5 = '[]' OR r.status IN (SELECT value FROM json_each(?5)))"
-      " AND (?6 OR r.parent_run_id IS NULL) ORDER BY r.run_id");
+      " AND (?6 OR (r.parent_run_id IS NULL AND r.env_steps_target > 0)) ORDER BY r.run_id");
   rows.Bind(JsonArray(filter.studies), JsonArray(filter.tasks), JsonArray(filter.planners),
             JsonArray(seeds), JsonArray(statuses), filter.with_evaluations);
   std::vector<RunInfo> runs;
@@ -619,6 +619,25 @@ RunInfo Database::GetRun(const std::string& id_or_uuid) {
                                 std::to_string(count) + " runs" +
                                 (count > 0 ? ", the last is " + std::to_string(last) : "") +
                                 ". See `results list`.");
+}
+
+std::vector<EpisodeInfo> Database::ListEpisodes(std::int64_t run_id) {
+  Statement rows = connection_->Prepare(
+      "SELECT phase, episode, length, episode_return, plan_us_mean, model_transitions"
+      " FROM episode WHERE run_id = ?1 ORDER BY phase, episode");
+  rows.Bind(run_id);
+  std::vector<EpisodeInfo> episodes;
+  while (rows.Step()) {
+    EpisodeInfo episode;
+    episode.phase = static_cast<int>(rows.Int(0));
+    episode.episode = rows.Int(1);
+    episode.length = rows.Int(2);
+    if (!rows.IsNull(3)) episode.episode_return = rows.Real(3);
+    episode.plan_us_mean = rows.IsNull(4) ? 0 : rows.Real(4);
+    episode.model_transitions = rows.Int(5);
+    episodes.push_back(episode);
+  }
+  return episodes;
 }
 
 void Database::AddEvent(std::int64_t run_id, std::int64_t env_step, const std::string& level,

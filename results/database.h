@@ -147,6 +147,16 @@ struct RunInfo {
   std::string result_digest;         // empty until it has finished
 };
 
+// An episode as far as figures about it need it; times in microseconds a decision.
+struct EpisodeInfo {
+  int phase = 0;  // as the column
+  std::int64_t episode = 0;
+  std::int64_t length = 0;           // environment steps
+  std::optional<double> episode_return;  // nullopt: was not finite
+  double plan_us_mean = 0;
+  std::int64_t model_transitions = 0;
+};
+
 // Empty lists let everything through.
 struct RunFilter {
   std::vector<std::string> studies;
@@ -154,7 +164,7 @@ struct RunFilter {
   std::vector<std::string> planners;
   std::vector<std::int64_t> seeds;
   std::vector<RunStatus> statuses;
-  bool with_evaluations = true;  // runs that name a parent
+  bool with_evaluations = true;  // runs that name a parent, or that trained for 0 steps
 };
 
 class Database {
@@ -210,6 +220,9 @@ class Database {
   // By run_id, or by the beginning of a UUID (4 characters or more). Error 66 for
   // none, naming what there is; Error 2 for more than one.
   RunInfo GetRun(const std::string& id_or_uuid);
+
+  // A run's episodes in the order of phase and episode.
+  std::vector<EpisodeInfo> ListEpisodes(std::int64_t run_id);
 
   // What the supervisor has to say about a run it does not write itself.
   void AddEvent(std::int64_t run_id, std::int64_t env_step, const std::string& level,

@@ -1,0 +1,210 @@
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <map>
+
+#include "commands.h"
+#include "options.h"
+#include "probe.h"
+#include "progress.h"
+#include "supervisor.h"
+#include "sweep.h"
+#include "text_table.h"
+#include "trained_run.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr double kProbeTimeoutSeconds = 120;
+
+std::string Printf(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+// What is to be played for a trained run: its own task, seed and study.
+std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
+  const RunSpec& spec = trained.spec;
+  options.environments = {spec.environment.name()};
+  options.seeds = {spec.seed};
+  options.study = trained.info.study;
+  if (options.preset.empty()) options.preset = spec.preset;
+  if (options.models.empty()) options.models = {spec.model.name()};
+  std::vector<RunSpec> evaluations = ResolveMatrix(options, trained.catalogue, &spec);
+  for (RunSpec& evaluation : evaluations) {
+    EvaluationSpec& what = evaluation.evaluation.emplace();
+    what.parent_run_id = trained.info.run_id;
+    what.parent_uuid = trained.info.uuid;
+    what.env_step = trained.env_step;
+    what.agent_sha256 = trained.agent_sha256;
+    if (evaluation.model.name() == spec.model.name()) continue;
+    if (!evaluation.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage,
+                        "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
+                            RunName(trained) + ", whose model is " + spec.model.name() +
+                            ". Expected that, or a model on true dynamics such as oracle");
+    }
+    if (spec.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage,
+                        "--model: " + RunName(trained) + " trained no actor and critic for '" +
+                            evaluation.model.name() + "': its own model is '" +
+                            spec.model.name() + "'");
+    }
+    what.behaviour = spec.model;
+  }
+  return evaluations;
+}
+
+std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
+                                                const Catalogue& catalogue) {
+  std::vector<RunSpec> evaluations = ResolveMatrix(options, catalogue);
+  for (RunSpec& evaluation : evaluations) {
+    if (!evaluation.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage,
+                        "--model: '" + evaluation.model.name() +
+                            "' learns, so it needs a trained run: runner eval RUN --planner ...; "
+                            "without one expected a model such as oracle");
+    }
+    evaluation.evaluation.emplace();
+  }
+  return evaluations;
+}
+
+// Sums over the episodes of one task, planner and model.
+struct Figures {
+  std::vector<double> returns;
+  double not_finite = 0, decisions = 0, plan_us = 0, transitions = 0;
+  std::size_t runs = 0, finished = 0;
+};
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return sum / static_cast<double>(values.size());
+}
+
+// Standard deviation of the mean, from the sample's.
+double StandardError(const std::vector<double>& values) {
+  const double mean = Mean(values);
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  const auto n = static_cast<double>(values.size());
+  return std::sqrt(squares / (n - 1) / n);
+}
+
+void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) {
+  std::vector<std::vector<std::string>> order;
+  std::map<std::vector<std::string>, Figures> table;
+  for (const RunSpec& spec : specs) {
+    const std::vector<std::string> key = {spec.environment.name(), spec.planner.name(),
+                                          spec.model.name()};
+    const auto [entry, added] = table.try_emplace(key);
+    if (added) order.push_back(key);
+    Figures& figures = entry->second;
+    ++figures.runs;
+    const auto run = database->FindRun(KeyOf(spec));
+    if (!run) continue;
+    if (run->status == results::RunStatus::kFinished) ++figures.finished;
+    for (const results::EpisodeInfo& episode : database->ListEpisodes(run->run_id)) {
+      const double decisions = std::ceil(static_cast<double>(episode.length) /
+                                         static_cast<double>(spec.action_repeat()));
+      figures.decisions += decisions;
+      figures.plan_us += decisions * episode.plan_us_mean;
+      figures.transitions += static_cast<double>(episode.model_transitions);
+      if (episode.episode_return) {
+        figures.returns.push_back(*episode.episode_return);
+      } else {
+        ++figures.not_finite;
+      }
+    }
+  }
+  TextTable text(0);
+  text.Row({"task", "planner", "model", "episodes", "return", "std. error", "ms/decision",
+            "transitions/decision"});
+  for (const auto& key : order) {
+    const Figures& figures = table[key];
+    const std::size_t n = figures.returns.size();
+    std::vector<std::string> row = key;
+    row.push_back(std::to_string(n));
+    row.push_back(n == 0 ? "-" : Printf("%.1f", Mean(figures.returns)));
+    row.push_back(n < 2 ? "-" : Printf("%.1f", StandardError(figures.returns)));
+    row.push_back(figures.decisions == 0
+                      ? "-"
+                      : Printf("%.3f", figures.plan_us / figures.decisions / 1000));
+    row.push_back(figures.decisions == 0 ? "-"
+                                         : Printf("%.1f", figures.transitions / figures.decisions));
+    if (figures.finished < figures.runs) row.emplace_back("unfinished");
+    text.Row(std::move(row));
+  }
+  text.Print(std::cout);
+}
+
+}  // namespace
+
+int EvalCommand(const std::vector<std::string>& arguments) {
+  EvaluationOptions evaluation = ParseEvaluationOptions(arguments);
+  Options& options = evaluation.choice;
+  if (options.help) {
+    std::cout << EvaluationHelp();
+    return 0;
+  }
+  const std::string db = options.process.db.string();
+  std::unique_ptr<results::Database> database;
+  std::vector<RunSpec> specs;
+  if (!evaluation.run.empty()) {
+    database = results::Database::OpenExisting(db);
+    const TrainedRun trained =
+        FindTrainedRun(database.get(), evaluation.run, options.process.plugin_path);
+    for (const std::string& warning : trained.warnings) {
+      std::cerr << "warning: " << warning << "\n";
+    }
+    specs = EvaluationsOf(trained, options);
+    std::cerr << RunName(trained) << " after " << GroupDigits(trained.env_step)
+              << " environment steps of training\n";
+  } else {
+    const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
+    for (const std::string& warning : catalogue.warnings()) {
+      std::cerr << "warning: " << warning << "\n";
+    }
+    specs = EvaluationsWithoutTraining(options, catalogue);
+  }
+  std::map<std::string, results::TaskInfo> tasks;
+  for (const RunSpec& spec : specs) {
+    if (tasks.count(spec.environment.name()) != 0) continue;
+    tasks[spec.environment.name()] = ProbeRun(spec, false, kProbeTimeoutSeconds).task;
+  }
+  if (database == nullptr) database = results::Database::OpenOrCreate(db);
+  for (const std::string& warning : database->warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  std::vector<results::TaskInfo> task_of_spec;
+  for (RunSpec& spec : specs) {
+    task_of_spec.push_back(tasks[spec.environment.name()]);
+    spec.evaluation->episode_steps =
+        static_cast<std::uint64_t>(task_of_spec.back().episode_steps);
+  }
+
+  const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
+  std::size_t finished = 0;
+  for (const PlannedRun& run : planned) {
+    if (run.action == Action::kSkipFinished) ++finished;
+    if (run.action == Action::kSkipFailed || run.action == Action::kSkipActive) {
+      std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
+    }
+  }
+  std::vector<std::string> argv = {"runner", "eval"};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  std::vector<SweepJob> jobs =
+      RecordSweep(database.get(), options.process, planned, task_of_spec, argv);
+  std::cerr << specs.size() << " evaluations: " << jobs.size() << " to play, " << finished
+            << " finished before; database " << database->path() << std::endl;
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+  PrintTable(database.get(), specs);
+  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+    std::cerr << "the same command goes on\n";
+  }
+  return result.exit_status;
+}
+
+}  // namespace dreamsearch

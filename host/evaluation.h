@@ -1,0 +1,98 @@
+// evaluation.h - a run of `runner eval`: episodes of a trained agent, or of a model
+// that needs no training, under one planner.
+//
+// Episode i has the seeds it has in every evaluation of the run seed, so a trained
+// run's own planner plays here the very episodes of its last evaluation. Episodes are
+// played side by side, each on instances of its own, and recorded in their order; the
+// threads change nothing but the time. The planner `dreamer` is the actor alone and
+// recorded as such (results::Phase).
+//
+// A checkpoint follows every recorded episode; a resume goes on with the next.
+// Errors   RunnerError: 72 when something is not finite; 65 if the trained run's
+//          checkpoint is not the one that was to be evaluated, 66 if it is gone.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agent.h"
+#include "components.h"
+#include "procedure.h"
+#include "results/run_writer.h"
+#include "settings.h"
+
+namespace dreamsearch {
+
+// A trained agent and an environment of its own, ready to play evaluation episodes.
+class EvaluationPlayer {
+ public:
+  // agent: the sections of the trained run's checkpoint; not read if the evaluation
+  // names no trained run. `model_threads` as ModelContext::threads.
+  EvaluationPlayer(const Components& components, const RunSpec& spec,
+                   const CheckpointSections& agent, std::uint32_t model_threads);
+
+  Agent* agent() { return agent_.get(); }
+  Environment* environment() { return environment_.get(); }
+
+ private:
+  EnvironmentPtr environment_;
+  EnvironmentPtr model_environment_;
+  ModelPtr behaviour_;
+  ModelPtr model_;
+  PlannerPtr planner_;
+  std::unique_ptr<Agent> agent_;
+};
+
+// The trained run's checkpoint, checked against what the evaluation names; empty if
+// it names no trained run.
+CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint);
+
+class Evaluation final : public Procedure {
+ public:
+  struct Options {
+    std::uint32_t threads = 1;           // episodes at once
+    std::filesystem::path agent;         // the trained run's checkpoint; empty for none
+    std::string checkpoint_header;       // kept in every checkpoint, read by whoever resumes
+  };
+
+  // `writer` receives the rows; it must have an open segment.
+  Evaluation(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+             std::filesystem::path folder);
+  ~Evaluation() override;
+
+  void Load(const CheckpointSections& sections) override;
+  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
+  std::uint64_t env_step() const override { return spec_.evaluation->env_step; }
+
+  // What a resume needs to know of a checkpoint.
+  static results::ResumePoint ResumePointOf(const CheckpointSections& sections,
+                                            std::uint64_t env_step);
+
+ private:
+  struct Played;
+  class Stage;
+
+  // What is recorded so far; saved as it is.
+  struct Position {
+    std::uint64_t episodes = 0;
+    std::uint64_t decisions = 0;
+    std::uint64_t env_steps = 0;  // played
+    std::uint64_t events = 0;
+    double return_sum = 0;
+    double seconds = 0;  // of wall time, all segments
+  };
+
+  void Record(const Played& played, double seconds);
+
+  const RunSpec spec_;
+  const Options options_;
+  results::RunWriter* writer_;
+  const std::filesystem::path folder_;
+  Components components_;
+  std::vector<std::int64_t> metric_ids_;
+  std::vector<double> metric_sums_;  // over all recorded decisions
+  Position at_;
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,56 @@
+// random.cc - uniform random actions: the baseline that every search must beat.
+//
+// It asks the model nothing, reports the value 0, and draws every component
+// uniformly from [-1, 1], whether it explores or not.
+#include "dreamsearch/planning.h"
+
+namespace dreamsearch {
+namespace {
+
+class RandomPolicy final : public Planner {
+ public:
+  explicit RandomPolicy(const PlannerContext& context)
+      : sizes_{context.action_size, context.latent_bytes, 0} {}
+
+  Status BeginEpisode(LatentModel* model) noexcept override {
+    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
+    model_ = model;
+    return OkStatus();
+  }
+
+  Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
+    if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
+    Random random(request.seed);
+    for (double& component : result->action) component = random.Uniform(-1, 1);
+    result->value = 0;
+    result->simulations = 0;
+    result->nodes = 0;
+    result->depth = 0;
+    return OkStatus();
+  }
+
+  // Nothing is carried from one decision to the next.
+  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
+  Status Load(ByteSource*) noexcept override { return OkStatus(); }
+
+  void Destroy() noexcept override { delete this; }
+
+ private:
+  ~RandomPolicy() = default;
+
+  const PlannerSizes sizes_;
+  LatentModel* model_ = nullptr;
+};
+
+constexpr ComponentDescriptor kComponents[] = {{
+    .kind = ComponentKind::kPlanner,
+    .name = "random",
+    .version = "1.0.0",
+    .summary = "Uniform random actions, the baseline; no model, no search",
+    .create_planner = CreatePlanner<RandomPolicy>,
+}};
+
+}  // namespace
+}  // namespace dreamsearch
+
+DREAMSEARCH_PLUGIN("planner_random", "1.0.0", dreamsearch::kComponents)
