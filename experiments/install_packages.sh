@@ -13,7 +13,7 @@ packages=(
 )
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
-             python3 python3-numpy python3-scipy)
+             python3 python3-numpy python3-scipy chromium)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2
   exit 2

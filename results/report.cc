@@ -266,7 +266,7 @@ class Page {
   void Time() {
     Heading("time", "Time");
     html_
-        << "<figure><div class=\"chart\"><canvas id=\"time\" role=\"img\" aria-label=\"Seconds by "
+        << "<figure><div class=\"chart\"><canvas id=\"time-chart\" role=\"img\" aria-label=\"Seconds by "
            "planner and activity; the table below has the numbers.\"></canvas></div></figure>\n";
     const Figure figure = TimeByPlanner(databases_, request_.filter);
     Picture(figure, "Seconds by planner and activity", false);
@@ -311,7 +311,8 @@ class Page {
         " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
     for (const std::string& note : comparison.notes) Note(note);
     HtmlTable(AggregateTable(comparison),
-              "Over " + std::to_string(comparison.tasks.size()) + " tasks");
+              "Over " + std::to_string(comparison.tasks.size()) +
+                  (comparison.tasks.size() == 1 ? " task" : " tasks"));
     Picture(IntervalFigure(comparison),
             "Aggregate statistics with intervals; the table has the numbers", true);
     if (comparison.contenders.size() > 1) {

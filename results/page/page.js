@@ -9,7 +9,7 @@
   const dashes = [[], [9, 3], [4, 2], [9, 3, 2, 3], [2, 2], [14, 4], [7, 2, 2, 2, 2, 2], [2, 5]];
   const markers = ["circle", "rect", "triangle", "rectRot", "rectRounded", "star", "cross", "crossRot"];
   const byId = (id) => document.getElementById(id);
-  const state = {x: "steps", statistic: "mean", scale: "linear", labels: new Set(data.labels.map((_, i) => i)),
+  const state = {x: "steps", statistic: "mean", scale: "linear", range: "ours", labels: new Set(data.labels.map((_, i) => i)),
                  seeds: new Set(data.seeds)};
   const axisNames = {steps: "environment steps (before action repeat)",
                      seconds: "seconds, evaluation and recording left out",
@@ -105,6 +105,14 @@
   const describe = (name, point) =>
       `${name}: ${short(point.y)} (${short(point.lo)} to ${short(point.hi)}, n = ${point.n}) at ${short(point.x)}`;
 
+  // The last x of our own lines: published curves may be many times as long.
+  function ownEnd(shown) {
+    if (state.range === "all") return undefined;
+    const published = (label) => data.lines.some((line) => line.label === label && line.published);
+    const own = shown.filter(({label}) => !published(label)).flatMap(({points}) => points.map((p) => p.x));
+    return own.length && own.length < shown.flatMap(({points}) => points).length ? Math.max(...own) : undefined;
+  }
+
   const charts = [];
   function drawCurve(figure) {
     const task = figure.dataset.task === "all" ? null : Number(figure.dataset.task);
@@ -129,7 +137,8 @@
         animation: false, responsive: true, maintainAspectRatio: false, parsing: false, normalized: false,
         interaction: {mode: "nearest", axis: "x", intersect: false},
         scales: {
-          x: scale(axisNames[state.x], state.scale === "log" ? {type: "logarithmic"} : {beginAtZero: true}),
+          x: scale(axisNames[state.x], {max: ownEnd(shown),
+                                        ...(state.scale === "log" ? {type: "logarithmic"} : {beginAtZero: true})}),
           y: scale(task === null ? "normalised return" : "evaluation return", {beginAtZero: true}),
         },
         plugins: {
@@ -183,7 +192,7 @@
   }
 
   function drawTime() {
-    const canvas = byId("time");
+    const canvas = byId("time-chart");
     if (!canvas) return;
     const style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--ink"), grid = style.getPropertyValue("--line");
@@ -258,6 +267,9 @@
   radio("x axis", "x", [["steps", "steps"], ["transitions", "model transitions"], ["seconds", "seconds"]]);
   radio("over seeds", "statistic", [["mean", "mean"], ["iqm", "interquartile mean"]]);
   radio("x scale", "scale", [["linear", "linear"], ["log", "logarithmic"]]);
+  if (data.lines.some((line) => line.published)) {
+    radio("x range", "range", [["ours", "of these runs"], ["all", "of published curves too"]]);
+  }
   dark.addEventListener("change", draw);
   document.querySelectorAll("figure[data-task]").forEach((figure) => observer.observe(figure));
   drawTime();

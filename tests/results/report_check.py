@@ -162,6 +162,11 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
     try:
         browser.open(url)
         check("the first chart is drawn", browser.until(f"Boolean({chart})"))
+        check("the time chart is drawn", browser.until(
+            "Boolean(Chart.getChart(document.getElementById('time-chart')))"))
+        check("no two elements have the same id", browser.value(
+            "(() => { const ids = [...document.querySelectorAll('[id]')].filter((e) => "
+            "!e.closest('svg')).map((e) => e.id); return ids.length === new Set(ids).size; })()"))
         browser.picture("page.png")
         labels = browser.value("JSON.parse(document.getElementById('data').textContent).labels")
         seeds = browser.value("JSON.parse(document.getElementById('data').textContent).seeds")
