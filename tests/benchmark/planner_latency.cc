@@ -2,6 +2,7 @@
 // sizes, against the bound of the machine it runs on.
 //
 //     tests/bin/planner_latency [decisions]
+//     tests/bin/planner_latency --tasks [decisions]
 //
 // Every planner decides on a latent of the Dreamer model (preset `paper`, sizes of
 // walker_walk). Times are CPU time of the thread, the median over decisions; run it on
@@ -13,6 +14,9 @@
 //                         summed. With leaf batches weights are read once a batch.
 // Both are of float. The second table is with planning_precision=bfloat16, which has no
 // bound here.
+//
+// --tasks: the paper's 20 tasks, each with its own observations and actions, against the
+// time that two environment steps (action repeat 2) take in the simulated world.
 #include <time.h>
 
 #include <Eigen/Core>
@@ -135,7 +139,7 @@ struct Row {
 // The model `dreamer` at the paper's sizes and a latent to decide on.
 class Subject {
  public:
-  explicit Subject(const char* precision) {
+  Subject(const char* precision, std::uint64_t observation_size, std::uint64_t action_size) {
     const ComponentDescriptor& dreamer = LoadPlugin("model_dreamer").components[0];
     std::vector<ParameterValue> values = ResolvePreset(dreamer, "paper");
     for (ParameterValue& value : values) {
@@ -143,18 +147,18 @@ class Subject {
     }
     ModelContext context;
     context.parameters = {{values.data(), values.size()}};
-    context.observation_size = kObservations;
-    context.action_size = kActions;
+    context.observation_size = observation_size;
+    context.action_size = action_size;
     context.action_repeat = 2;
     context.episode_decisions = 500;
     context.seed = 1;
     Check(dreamer.create_model(context, &model_));
     latents_ = LatentBuffer(2, model_->latent_bytes());
-    std::vector<double> observation(kObservations, 0.1), action(kActions);
+    std::vector<double> observation(observation_size, 0.1), action(action_size);
     Check(model_->InitialLatent(latents_.row(0)));
     Check(model_->Observe({.previous = latents_.row(0),
-                           .actions = {action.data(), 1, kActions},
-                           .observations = {observation.data(), 1, kObservations}},
+                           .actions = {action.data(), 1, action_size},
+                           .observations = {observation.data(), 1, observation_size}},
                           latents_.row(1)));
   }
   Subject(const Subject&) = delete;
@@ -224,7 +228,7 @@ void Run(int decisions) {
   };
   std::printf("%-28s %10s %10s %8s %12s %8s\n", "float", "median ms", "bound ms", "ratio",
               "transitions", "nodes");
-  Subject in_float("float");
+  Subject in_float("float", kObservations, kActions);
   for (const Row& row : rows) {
     const Measured m = Measure(&in_float, row, decisions);
     // The larger of the two: no search can be faster than either.
@@ -233,10 +237,47 @@ void Run(int decisions) {
                 m.seconds / bound, static_cast<unsigned long long>(m.transitions), m.nodes);
   }
   std::printf("%-28s %10s\n", "bfloat16", "median ms");
-  Subject in_bfloat16("bfloat16");
+  Subject in_bfloat16("bfloat16", kObservations, kActions);
   for (const Row& row : rows) {
     const Measured m = Measure(&in_bfloat16, row, decisions);
     std::printf("%-28s %10.3f\n", row.label, 1e3 * m.seconds);
+  }
+}
+
+void RunTasks(int decisions) {
+  const std::vector<const char*> planners = {"dreamer",    "rollout",     "mcts_pw",
+                                             "mcts_fixed", "mcts_gumbel", "hoot"};
+  const std::vector<const char*> tasks = {
+      "acrobot_swingup",  "cartpole_balance", "cartpole_balance_sparse",
+      "cartpole_swingup", "cartpole_swingup_sparse", "cheetah_run",
+      "cup_catch",        "finger_spin",      "finger_turn_easy",
+      "finger_turn_hard", "hopper_hop",       "hopper_stand",
+      "pendulum_swingup", "quadruped_run",    "quadruped_walk",
+      "reacher_easy",     "reacher_hard",     "walker_run",
+      "walker_stand",     "walker_walk"};
+  std::printf("median ms of a decision, planning_precision=bfloat16\n%-24s %9s %3s %3s", "task",
+              "interval", "O", "A");
+  for (const char* planner : planners) std::printf(" %11s", planner);
+  std::printf("\n");
+  for (const ComponentDescriptor& task : LoadPlugin("env_dmc").components) {
+    const auto same = [&](const char* name) { return std::strcmp(name, task.name) == 0; };
+    if (std::none_of(tasks.begin(), tasks.end(), same)) continue;
+    const std::vector<ParameterValue> values = Resolve(task, {});
+    EnvironmentContext context;
+    context.parameters = {{values.data(), values.size()}};
+    Environment* environment = nullptr;
+    Subject::Check(task.create_environment(context, &environment));
+    const EnvironmentSpec& spec = environment->spec();
+    const double interval = 2e3 * spec.control_seconds;
+    Subject subject("bfloat16", spec.observation_size, spec.action_size);
+    std::printf("%-24s %9.0f %3d %3d", task.name, interval, static_cast<int>(spec.observation_size),
+                static_cast<int>(spec.action_size));
+    for (const char* planner : planners) {
+      const double ms = 1e3 * Measure(&subject, {planner, planner, {}}, decisions).seconds;
+      std::printf(" %10.3f%c", ms, ms > interval ? '!' : ' ');
+    }
+    std::printf("\n");
+    environment->Destroy();
   }
 }
 
@@ -244,11 +285,17 @@ void Run(int decisions) {
 }  // namespace dreamsearch
 
 int main(int argc, char** argv) {
-  const int decisions = argc > 1 ? std::atoi(argv[1]) : 100;
+  const bool tasks = argc > 1 && std::strcmp(argv[1], "--tasks") == 0;
+  const char* count = argc > 1 + tasks ? argv[1 + tasks] : tasks ? "20" : "100";
+  const int decisions = std::atoi(count);
   if (decisions < 1) {
-    std::fprintf(stderr, "usage: planner_latency [decisions]\n");
-    return 2;
+    std::fprintf(stderr, "usage: planner_latency [--tasks] [decisions]\n");
+    return 64;
   }
-  dreamsearch::Run(decisions);
+  if (tasks) {
+    dreamsearch::RunTasks(decisions);
+  } else {
+    dreamsearch::Run(decisions);
+  }
   return 0;
 }
