@@ -21,6 +21,10 @@ int DescribeCommand(const std::vector<std::string>& arguments);
 // runner eval [RUN]
 int EvalCommand(const std::vector<std::string>& arguments);
 
+// runner explain RUN; ExplainDecisionMain is its child process
+int ExplainCommand(const std::vector<std::string>& arguments);
+int ExplainDecisionMain();
+
 // runner export RUN; ExportModelMain is its child process, which loads the plugins
 int ExportCommand(const std::vector<std::string>& arguments);
 int ExportModelMain();

@@ -29,7 +29,7 @@ Command NotYet(const char* name) {
 const std::map<std::string, Command>& Commands() {
   static const std::map<std::string, Command> commands = {
       {"check", NotYet("check")},     {"describe", DescribeCommand},
-      {"eval", EvalCommand},       {"explain", NotYet("explain")},
+      {"eval", EvalCommand},       {"explain", ExplainCommand},
       {"export", ExportCommand},   {"list", ListCommand},
       {"new", NotYet("new")},         {"render", NotYet("render")},
       {"resume", ResumeCommand},      {"status", StatusCommand},
@@ -46,6 +46,7 @@ int Dispatch(std::vector<std::string> arguments) {
   if (name == "worker") return WorkerMain();
   if (name == "probe") return ProbeMain();
   if (name == "export-model") return ExportModelMain();
+  if (name == "explain-decision") return ExplainDecisionMain();
   if (name == "describe-plugin" && arguments.size() == 1) return DescribePluginMain(arguments[0]);
   const auto found = Commands().find(name);
   if (found == Commands().end()) {

@@ -32,7 +32,7 @@ TEST(Refusal, NamesWhatIsKnownAndWritesNothing) {
        "absent.cfg"},
       {{"--planner", "mcts_pw"}, 2, "--env"},
       {{"trian"}, 2, "subcommand"},
-      {{"explain"}, 70, "not part of this version"},
+      {{"render"}, 70, "not part of this version"},
       {{"status", "--db", "absent.db"}, 66, "absent.db"},
   };
   const Workplace place;

@@ -1,0 +1,254 @@
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "activity_clock.h"
+#include "checkpoint.h"
+#include "commands.h"
+#include "decision_tree.h"
+#include "episode.h"
+#include "evaluation.h"
+#include "options.h"
+#include "progress.h"
+#include "question.h"
+#include "schedule.h"
+#include "sweep.h"
+#include "text_table.h"
+#include "trained_run.h"
+#include "whole_file.h"
+
+namespace dreamsearch {
+
+namespace po = boost::program_options;
+
+namespace {
+
+constexpr char kHelp[] =
+    "runner explain RUN --decision T [--episode I] [--db FILE] [--out PREFIX]\n\n"
+    "Replays evaluation episode I from the run's newest checkpoint up to decision T,\n"
+    "and writes the tree that its search made there: PREFIX.json for programs and\n"
+    "PREFIX.html, one page without a network that shows the root's actions and every\n"
+    "edge with visits, Q, prior, reward and value. RUN is a training or an evaluation\n"
+    "(`runner eval`): its number or the beginning of its UUID from `runner status`.\n"
+    "Decisions and episodes count from 0.\n\n"
+    "Example\n"
+    "  runner explain 3 --decision 120\n\n"
+    "Options";
+
+// What the run plays when it is evaluated with search, and its checkpoint.
+struct Subject {
+  RunSpec spec;  // an evaluation
+  std::filesystem::path agent;
+  results::RunInfo info;
+};
+
+Subject FindSubject(results::Database* database, const std::string& run,
+                    const std::vector<std::string>& plugin_path) {
+  Subject subject;
+  subject.info = database->GetRun(run);
+  subject.spec = RecordedSpec(database, subject.info);
+  if (subject.spec.evaluation) {
+    if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
+      std::cerr << "warning: run " << subject.info.run_id << " was played with another " << changed
+                << "\n";
+    }
+    const EvaluationSpec& evaluation = *subject.spec.evaluation;
+    if (!evaluation.parent_uuid.empty()) {
+      subject.agent = CheckpointFolder(database->RunFolder(evaluation.parent_uuid))
+                          .PathOf(evaluation.env_step);
+    }
+    return subject;
+  }
+  const TrainedRun trained = FindTrainedRun(database, run, plugin_path);
+  for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
+  subject.spec = trained.spec;
+  subject.spec.planner = trained.spec.eval_planner;
+  EvaluationSpec& evaluation = subject.spec.evaluation.emplace();
+  evaluation.parent_run_id = trained.info.run_id;
+  evaluation.parent_uuid = trained.info.uuid;
+  evaluation.env_step = trained.env_step;
+  evaluation.agent_sha256 = trained.agent_sha256;
+  subject.agent = trained.checkpoint;
+  return subject;
+}
+
+std::string Number(double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+std::string ActionText(const nlohmann::json& action) {
+  std::string text = "[";
+  for (const auto& component : action) {
+    text += (text.size() > 1 ? " " : "") + Number(component.get<double>());
+  }
+  return text + "]";
+}
+
+// The root's most visited actions.
+void PrintRoot(const nlohmann::json& tree) {
+  const nlohmann::json& root = tree.at("root");
+  std::cout << "played " << ActionText(tree.at("action")) << ", root value "
+            << Number(root.at("value")) << ", " << root.at("simulations") << " simulations, "
+            << root.at("nodes") << " nodes, depth " << root.at("depth") << ", visit entropy "
+            << Number(root.at("visit_entropy")) << " nats\n";
+  std::vector<std::size_t> order;
+  const nlohmann::json& edges = tree.at("edges");
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    if (edges[i].at("parent") == -1) order.push_back(i);
+  }
+  const std::size_t all = order.size();
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const auto key = [&](std::size_t i) {
+      return std::pair(edges[i].at("visits").get<double>(), edges[i].at("q").get<double>());
+    };
+    return key(a) > key(b);
+  });
+  constexpr std::size_t kMost = 5;
+  if (order.size() > kMost) order.resize(kMost);
+  TextTable table(0);
+  table.Row({"", "action", "visits", "Q", "prior", "reward", "value"});
+  for (const std::size_t i : order) {
+    const nlohmann::json& edge = edges[i];
+    table.Row({tree.at("chosen_edge") == i ? "*" : "", ActionText(edge.at("action")),
+               std::to_string(edge.at("visits").get<std::uint64_t>()), Number(edge.at("q")),
+               Number(edge.at("prior")), Number(edge.at("reward")), Number(edge.at("value"))});
+  }
+  if (all > kMost) table.Note("and " + std::to_string(all - kMost) + " more actions");
+  table.Print(std::cout);
+}
+
+}  // namespace
+
+int ExplainCommand(const std::vector<std::string>& arguments) {
+  std::string run, db = "results/dreamsearch.db", out;
+  std::int64_t episode = 0, decision = -1;
+  std::vector<std::string> plugin_path;
+  po::options_description flags(kHelp);
+  flags.add_options()("help", "show this help")(
+      "run", po::value(&run)->value_name("RUN"), "the run")(
+      "decision", po::value(&decision)->value_name("T"), "decision of the episode, from 0")(
+      "episode", po::value(&episode)->value_name("I"), "episode of the evaluation, from 0 (0)")(
+      "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
+      "out", po::value(&out)->value_name("PREFIX"),
+      "what the two files' names begin with (runR_episodeI_decisionT)");
+  flags.add(PluginPathFlag(&plugin_path));
+  po::positional_options_description positional;
+  positional.add("run", 1);
+  const po::variables_map given = ParseFlags("runner explain", arguments, flags, positional);
+  if (given.count("help") != 0) {
+    std::cout << flags;
+    return 0;
+  }
+  if (run.empty() || given.count("decision") == 0) {
+    throw RunnerError(ExitCode::kUsage,
+                      "runner explain: expected a run and a decision, for example runner explain "
+                      "3 --decision 120; `runner status` lists the runs");
+  }
+  if (decision < 0 || episode < 0) {
+    throw RunnerError(ExitCode::kUsage,
+                      "runner explain: --decision and --episode count from 0, found " +
+                          std::to_string(std::min(decision, episode)));
+  }
+  const auto database = results::Database::OpenReadOnly(db);
+  const Subject subject = FindSubject(database.get(), run, plugin_path);
+  const RunSpec& spec = subject.spec;
+  const std::string name =
+      "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
+  if (spec.planner.name() == kActorPlanner) {
+    throw RunnerError(ExitCode::kUsage, name + " plays the actor's mode and searches nothing: "
+                                               "there is no tree. `runner eval` evaluates it under "
+                                               "a planner, and that run can be explained");
+  }
+  Question question;
+  question.command = "explain-decision";
+  question.who = name;
+  question.show_messages = true;
+  nlohmann::json tree = Ask(question, {{"spec", ToJson(spec)},
+                                       {"agent", subject.agent.string()},
+                                       {"episode", episode},
+                                       {"decision", decision}});
+  tree["format"] = "dreamsearch tree 1";
+  tree["run_id"] = subject.info.run_id;
+  tree["run_uuid"] = subject.info.uuid;
+  tree["env"] = spec.environment.name();
+  tree["planner"] = spec.planner.name();
+  tree["model"] = spec.model.name();
+  tree["seed"] = spec.seed;
+  tree["env_step"] = spec.evaluation->env_step;
+  tree["phase"] = "evaluation";
+  tree["episode"] = episode;
+  tree["decision"] = decision;
+  if (out.empty()) {
+    out = "run" + std::to_string(subject.info.run_id) + "_episode" + std::to_string(episode) +
+          "_decision" + std::to_string(decision);
+  }
+  WriteWholeFile(out + ".json", tree.dump() + "\n");
+  WriteWholeFile(out + ".html", TreePage(tree));
+  PrintRoot(tree);
+  std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()
+            << " edges\n";
+  return 0;
+}
+
+int ExplainDecisionMain() {
+  return AnswerMain([](const nlohmann::json& question) {
+    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+    const auto wanted = question.at("decision").get<std::uint64_t>();
+    const Components components(spec);
+    EvaluationPlayer player(components, spec,
+                            ReadAgent(spec, question.at("agent").get<std::string>()), 1);
+    EvaluationEpisode episode;
+    episode.agent = player.agent();
+    episode.environment = player.environment();
+    episode.environment_name = spec.environment.name();
+    episode.action_repeat = spec.action_repeat();
+    episode.run_seed = spec.seed;
+    episode.index = question.at("episode");
+    episode.env_step = spec.evaluation->env_step;
+    TreeCollector tree;
+    Decision decided;
+    std::uint64_t played = 0;
+    const double begin = ActivityClock::Now();
+    double shown = begin;
+    EpisodeHooks hooks;
+    hooks.go_on = [&](std::uint64_t t) {
+      const double now = ActivityClock::Now();
+      if (now - shown > 5) {
+        shown = now;
+        std::cerr << "replayed " << t << " of " << wanted << " decisions, about "
+                  << FormatDuration((now - begin) / static_cast<double>(t) *
+                                    static_cast<double>(wanted + 1 - t))
+                  << " left" << std::endl;
+      }
+      return t <= wanted;
+    };
+    hooks.tree = [&](std::uint64_t t) -> TreeSink* { return t == wanted ? &tree : nullptr; };
+    hooks.decided = [&](std::uint64_t t, const Decision& decision) {
+      played = t + 1;
+      if (t == wanted) decided = decision;
+    };
+    // Decision `wanted` may be the episode's last, so its action is kept by the agent.
+    results::EpisodeRow row;
+    PlayEvaluationEpisode(episode, hooks, &row);
+    if (played <= wanted) {
+      throw RunnerError(ExitCode::kUsage, "--decision: expected 0 to " +
+                                              std::to_string(played - 1) + " in that episode, found " +
+                                              std::to_string(wanted));
+    }
+    const std::string who = "planner '" + spec.planner.name() + "'";
+    if (tree.faulty()) {
+      throw RunnerError(ExitCode::kInternal,
+                        who + " reported an edge before its parent, or memory ran out");
+    }
+    if (tree.edges().empty()) {
+      throw RunnerError(ExitCode::kBadInput, who + " reports no tree");
+    }
+    return TreeJson(tree, player.agent()->action(), decided, player.agent()->metrics(),
+                    components.planner().metrics);
+  });
+}
+
+}  // namespace dreamsearch

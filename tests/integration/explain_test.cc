@@ -1,0 +1,132 @@
+// runner explain: the tree of one decision, as JSON and as a page.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+
+namespace dreamsearch {
+namespace {
+
+std::string FileText(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+class ExplainTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    place_ = new Workplace;
+    const ProgramResult trained = place_->Runner(TinyRun("cartpole_balance", "mcts_pw", "e.db"));
+    ASSERT_EQ(trained.exit_status, 0) << trained.err;
+    result_ = Explain("1", "7", "tree");
+  }
+  static void TearDownTestSuite() { delete place_; }
+
+  static ProgramResult Explain(const std::string& run, const std::string& decision,
+                               const std::string& out) {
+    return place_->Runner(
+        {"explain", run, "--decision", decision, "--db", "e.db", "--out", out});
+  }
+  static nlohmann::json Tree(const std::string& out) {
+    return nlohmann::json::parse(FileText(place_->Path(out + ".json")));
+  }
+
+  static Workplace* place_;
+  static ProgramResult result_;
+};
+Workplace* ExplainTest::place_ = nullptr;
+ProgramResult ExplainTest::result_;
+
+TEST_F(ExplainTest, TheTreeHasEverySimulationAndThePlayedAction) {
+  ASSERT_EQ(result_.exit_status, 0) << result_.err;
+  const nlohmann::json tree = Tree("tree");
+  EXPECT_EQ(tree["env"], "cartpole_balance");
+  EXPECT_EQ(tree["planner"], "mcts_pw");
+  EXPECT_EQ(tree["decision"], 7);
+  EXPECT_EQ(tree["env_step"], 4000);
+  // mcts_pw with 6 simulations: 6 visits at the root, a node each besides the root.
+  EXPECT_EQ(tree["root"]["simulations"], 6);
+  EXPECT_EQ(tree["root"]["visits"], 6);
+  EXPECT_EQ(tree["root"]["nodes"], 7);
+  const nlohmann::json& edges = tree["edges"];
+  int expanded = 0;
+  double entropy = 0;
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    EXPECT_LT(edges[i]["parent"], static_cast<std::int64_t>(i));
+    expanded += edges[i]["expanded"].get<bool>() ? 1 : 0;
+    if (edges[i]["parent"] != -1 || edges[i]["visits"] == 0) continue;
+    const double share = edges[i]["visits"].get<double>() / 6;
+    entropy -= share * std::log(share);
+  }
+  EXPECT_EQ(expanded, 6);
+  // The same few terms in the same order.
+  EXPECT_DOUBLE_EQ(tree["root"]["visit_entropy"].get<double>(), entropy);
+  EXPECT_TRUE(tree["chosen_is_exact"].get<bool>());
+  const nlohmann::json& chosen = edges[tree["chosen_edge"].get<std::size_t>()];
+  EXPECT_EQ(chosen["action"], tree["action"]);
+  EXPECT_EQ(chosen["q"], tree["root"]["value"]);
+}
+
+TEST_F(ExplainTest, ReplaysTheSameBitsAgain) {
+  ASSERT_EQ(Explain("1", "7", "again").exit_status, 0);
+  EXPECT_EQ(FileText(place_->Path("again.json")), FileText(place_->Path("tree.json")));
+  ASSERT_EQ(Explain("1", "8", "next").exit_status, 0);
+  EXPECT_NE(Tree("next")["edges"], Tree("tree")["edges"]);
+}
+
+TEST_F(ExplainTest, AnEvaluationOfTheSamePlannerHasTheSameTree) {
+  ASSERT_EQ(place_->Runner({"eval", "1", "--planner", "mcts_pw", "--db", "e.db"}).exit_status, 0);
+  const ProgramResult result = Explain("2", "7", "evaluation");
+  ASSERT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Tree("evaluation")["edges"], Tree("tree")["edges"]);
+}
+
+TEST_F(ExplainTest, ThePageHoldsTheTreeAndNeedsNoNetwork) {
+  const std::string page = FileText(place_->Path("tree.html"));
+  for (const char* outside : {"http:", "https:", "src=", "@import", "url("}) {
+    EXPECT_EQ(page.find(outside), std::string::npos) << outside;
+  }
+  const std::string begin = "<script type=\"application/json\" id=\"data\">";
+  const auto from = page.find(begin) + begin.size();
+  const nlohmann::json held =
+      nlohmann::json::parse(page.substr(from, page.find("</script>", from) - from));
+  EXPECT_EQ(held, Tree("tree"));
+}
+
+TEST_F(ExplainTest, ABrowserShowsEveryRootAction) {
+  if (std::system("chromium --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no chromium";
+  const std::string command =
+      "timeout 60 chromium --headless=new --no-sandbox --dump-dom --user-data-dir=" +
+      place_->Path("browser") + " file://" + place_->Path("tree.html") + " > " +
+      place_->Path("dom") + " 2> /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const std::string dom = FileText(place_->Path("dom"));
+  EXPECT_NE(dom.find("Decision 7 of evaluation episode 0"), std::string::npos);
+  std::size_t bars = 0, roots = 0;
+  for (auto at = dom.find("class=\"fill\" style=\"left"); at != std::string::npos;
+       at = dom.find("class=\"fill\" style=\"left", at + 1)) {
+    ++bars;
+  }
+  const nlohmann::json tree = Tree("tree");
+  for (const auto& edge : tree["edges"]) roots += edge["parent"] == -1 ? 1 : 0;
+  EXPECT_EQ(bars, roots + 1);  // and the one component of the selected action
+  EXPECT_NE(dom.find(">played<"), std::string::npos);
+}
+
+TEST_F(ExplainTest, SaysWhatItCannotShow) {
+  const ProgramResult beyond = Explain("1", "500", "x");
+  EXPECT_EQ(beyond.exit_status, 2) << beyond.err;
+  EXPECT_NE(beyond.err.find("expected 0 to 499"), std::string::npos) << beyond.err;
+  EXPECT_FALSE(std::filesystem::exists(place_->Path("x.json")));
+  const ProgramResult none = place_->Runner({"explain", "1", "--db", "e.db"});
+  EXPECT_EQ(none.exit_status, 2) << none.err;
+  EXPECT_NE(none.err.find("expected a run and a decision"), std::string::npos) << none.err;
+}
+
+}  // namespace
+}  // namespace dreamsearch
