@@ -58,23 +58,58 @@ std::vector<ProbeResult> ProbeAll(const std::vector<RunSpec>& specs, bool measur
   return results;
 }
 
-void PrintSettings(const RunSpec& spec) {
-  const auto print = [](const std::string& prefix, const ResolvedValues& values) {
+// "mcts_pw.simulations = 6  (command line)" for every resolved setting of a run.
+std::vector<std::string> SettingLines(const RunSpec& spec) {
+  std::vector<std::string> lines;
+  const auto add = [&](const std::string& prefix, const ResolvedValues& values) {
     for (const ResolvedValue& value : values.values) {
-      std::cout << "  " << prefix << "." << value.name << " = " << ValueText(value);
+      std::string line = prefix + "." + value.name + " = " + ValueText(value);
       if (value.origin != ValueOrigin::kDefault) {
-        std::cout << "  (" << ValueOriginName(value.origin) << ")";
+        line += std::string("  (") + ValueOriginName(value.origin) + ")";
       }
-      std::cout << "\n";
+      lines.push_back(std::move(line));
     }
   };
-  print("run", spec.run);
-  print("env", spec.environment.parameters);
-  print("model", spec.model.parameters);
-  print(spec.planner.name(), spec.planner.parameters);
+  add("run", spec.run);
+  add(spec.environment.name(), spec.environment.parameters);
+  add("model " + spec.model.name(), spec.model.parameters);
+  add(spec.planner.name(), spec.planner.parameters);
   if (spec.eval_planner.name() != spec.planner.name()) {
-    print(spec.eval_planner.name(), spec.eval_planner.parameters);
+    add(spec.eval_planner.name(), spec.eval_planner.parameters);
   }
+  return lines;
+}
+
+// Every setting once: first what all configurations have, then under the tasks,
+// models and planners that have it what is left.
+void PrintSettings(const std::vector<PlannedRun>& runs) {
+  std::set<std::string> seen;
+  std::vector<const RunSpec*> configurations;
+  for (const PlannedRun& run : runs) {
+    if (seen.insert(CanonicalJson(run.spec)).second) configurations.push_back(&run.spec);
+  }
+  std::vector<std::string> order;
+  std::map<std::string, std::size_t> counts;
+  for (const RunSpec* spec : configurations) {
+    for (const std::string& line : SettingLines(*spec)) {
+      if (counts[line]++ == 0) order.push_back(line);
+    }
+  }
+  const bool one = configurations.size() == 1;
+  std::cout << "\nsettings" << (one ? "" : " of all") << " (preset "
+            << configurations.front()->preset << ")\n";
+  const auto print = [&](bool common) {
+    for (const std::string& line : order) {
+      if ((counts[line] == configurations.size()) == common) std::cout << "  " << line << "\n";
+    }
+  };
+  print(true);
+  if (std::all_of(order.begin(), order.end(),
+                  [&](const auto& line) { return counts[line] == configurations.size(); })) {
+    return;
+  }
+  std::cout << "\nsettings of the tasks, models and planners that they name\n";
+  print(false);
 }
 
 int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
@@ -99,13 +134,7 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
     if (!run.note.empty()) std::cout << " (" << run.note << ")";
     std::cout << "\n";
   }
-  std::set<std::string> printed;
-  for (const PlannedRun& run : runs) {
-    if (!printed.insert(CanonicalJson(run.spec)).second) continue;
-    std::cout << "\nsettings of " << run.spec.environment.name() << " " << run.spec.planner.name()
-              << " (preset " << run.spec.preset << ")\n";
-    PrintSettings(run.spec);
-  }
+  PrintSettings(runs);
   const auto jobs = static_cast<double>(
       std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(
                                                                options.process.jobs))));

@@ -68,6 +68,10 @@ TEST(DryRun, ShowsRunsSettingsTimeAndBytesAndWritesNothing) {
   EXPECT_NE(result.out.find("cartpole_balance mcts_pw seed 1: start"), std::string::npos)
       << result.out;
   EXPECT_NE(result.out.find("mcts_pw.simulations = 6"), std::string::npos) << result.out;
+  // A setting that both planners' runs share stands there once.
+  const auto first = result.out.find("run.batch_size = 4");
+  ASSERT_NE(first, std::string::npos) << result.out;
+  EXPECT_EQ(result.out.find("run.batch_size = 4", first + 1), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("total: 4 of 4 runs"), std::string::npos) << result.out;
   EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
 }
