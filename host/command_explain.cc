@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "activity_clock.h"
-#include "checkpoint.h"
 #include "commands.h"
 #include "decision_tree.h"
 #include "episode.h"
@@ -53,11 +52,7 @@ Subject FindSubject(results::Database* database, const std::string& run,
       std::cerr << "warning: run " << subject.info.run_id << " was played with another " << changed
                 << "\n";
     }
-    const EvaluationSpec& evaluation = *subject.spec.evaluation;
-    if (!evaluation.parent_uuid.empty()) {
-      subject.agent = CheckpointFolder(database->RunFolder(evaluation.parent_uuid))
-                          .PathOf(evaluation.env_step);
-    }
+    subject.agent = AgentCheckpoint(database, subject.spec);
     return subject;
   }
   const TrainedRun trained = FindTrainedRun(database, run, plugin_path);

@@ -35,4 +35,7 @@ int ResumeCommand(const std::vector<std::string>& arguments);
 // runner status
 int StatusCommand(const std::vector<std::string>& arguments);
 
+// runner verify RUN
+int VerifyCommand(const std::vector<std::string>& arguments);
+
 }  // namespace dreamsearch

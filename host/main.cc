@@ -33,7 +33,7 @@ const std::map<std::string, Command>& Commands() {
       {"export", ExportCommand},   {"list", ListCommand},
       {"new", NotYet("new")},         {"render", NotYet("render")},
       {"resume", ResumeCommand},      {"status", StatusCommand},
-      {"verify", NotYet("verify")},
+      {"verify", VerifyCommand},
   };
   return commands;
 }

@@ -146,6 +146,16 @@ class Sweep {
  private:
   void Start(std::size_t index) {
     const SweepJob& job = jobs_[index];
+    // Another runner on this database may have come first since the sweep was planned.
+    const std::optional<results::RunInfo> known = database_->GetRun(job.work.run_id);
+    if (known && known->status == results::RunStatus::kFinished) {
+      LeaveAlone(index, "another process has finished it");
+      return;
+    }
+    if (RunIsLocked(job.work.folder)) {
+      LeaveAlone(index, "another process is working on it");
+      return;
+    }
     auto run = std::make_unique<ActiveRun>();
     run->index = index;
     try {
@@ -312,10 +322,22 @@ class Sweep {
                     : "");
     } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
       SetStatus(run->index, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
+    } else if (RunIsLocked(job.work.folder)) {
+      LeaveAlone(run->index, "another process began it at the same moment");
     } else {
       SetStatus(run->index, results::RunStatus::kFailed, WEXITSTATUS(status),
                 run->error.empty() ? DescribeWaitStatus(status) + ". Log: " + log : run->error);
     }
+  }
+
+  // The run is another process's; its status is not ours to write.
+  void LeaveAlone(std::size_t index, const std::string& why) {
+    const SweepJob& job = jobs_[index];
+    if (const auto known = database_->GetRun(job.work.run_id)) {
+      result_.statuses[index] = known->status;
+    }
+    ++ended_;
+    display_.Say("left alone " + job.label + ": " + why);
   }
 
   void SetStatus(std::size_t index, results::RunStatus status, int exit_code,

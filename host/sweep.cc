@@ -58,11 +58,7 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   job.work.db = database->path();
   job.work.run_id = run_id;
   job.work.folder = database->RunFolder(uuid);
-  if (spec.evaluation && !spec.evaluation->parent_uuid.empty()) {
-    job.work.agent_checkpoint =
-        CheckpointFolder(database->RunFolder(spec.evaluation->parent_uuid))
-            .PathOf(spec.evaluation->env_step);
-  }
+  job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   job.work.memory_limit_bytes = options.memory_limit_bytes;
   job.work.log_decisions = options.log_decisions;
   return job;
@@ -224,6 +220,12 @@ std::string ChangedFile(const RunSpec& spec) {
     }
   }
   return "";
+}
+
+std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec) {
+  if (!spec.evaluation || spec.evaluation->parent_uuid.empty()) return {};
+  return CheckpointFolder(database->RunFolder(spec.evaluation->parent_uuid))
+      .PathOf(spec.evaluation->env_step);
 }
 
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,

@@ -51,6 +51,9 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 // Which of the spec's plugin files is not the one it names, and how; empty if none.
 std::string ChangedFile(const RunSpec& spec);
 
+// The checkpoint of the trained run that an evaluation names; empty if it names none.
+std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
+
 // The job of a recorded run. Throws what RecordedSpec throws, and 69 if a plugin's
 // file has changed.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,

@@ -1,5 +1,6 @@
 #include "results/verification.h"
 
+#include <cstdio>
 #include <map>
 #include <tuple>
 
@@ -99,6 +100,72 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
   for (const RunInfo& run : database->ListRuns(filter)) VerifyRun(database, run, &problems);
   db.Execute("COMMIT");
   return problems;
+}
+
+namespace {
+
+// The value with all its bits: reads back as the same.
+std::string ExactText(const Statement& row, int column) {
+  if (row.IsNull(column)) return "not finite";
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", row.Real(column));
+  const std::string plain = row.Text(column);
+  return plain.find_first_of(".eE") == std::string::npos ? plain : text;
+}
+
+// The first row in which two queries differ; the first `keys` columns say where.
+std::string FirstDifference(Statement* a, Statement* b, const std::string& what,
+                            const std::vector<std::string>& columns, int keys) {
+  for (;;) {
+    const bool more_a = a->Step(), more_b = b->Step();
+    if (!more_a && !more_b) return "";
+    const Statement& present = more_a ? *a : *b;
+    std::string where = what;
+    for (int i = 0; i < keys; ++i) {
+      where += (i == 0 ? " (" : ", ") + columns[static_cast<std::size_t>(i)] + " " +
+               present.Text(i);
+    }
+    where += "): ";
+    if (more_a != more_b) return where + (more_a ? "stored" : "repeated") + " only";
+    for (int i = 0; i < static_cast<int>(columns.size()); ++i) {
+      const std::string then = ExactText(*a, i), now = ExactText(*b, i);
+      if (then == now) continue;
+      return where + columns[static_cast<std::size_t>(i)] + " is stored as " + then +
+             ", repeated it is " + now;
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> CompareRuns(Database* stored, std::int64_t stored_run,
+                                     Database* repeated, std::int64_t repeated_run) {
+  struct Compared {
+    const char* what;
+    const char* sql;
+    std::vector<std::string> columns;
+    int keys;
+  };
+  const Compared tables[] = {
+      {"decision",
+       "SELECT env_step, episode, t, reward, value, simulations, nodes, depth FROM step"
+       " WHERE run_id = ?1 ORDER BY env_step",
+       {"env_step", "episode", "t", "reward", "value", "simulations", "nodes", "depth"}, 3},
+      {"episode",
+       "SELECT env_step, phase, episode, length, episode_return, model_transitions, digest"
+       " FROM episode WHERE run_id = ?1 ORDER BY env_step, phase, episode",
+       {"env_step", "phase", "episode", "length", "episode_return", "model_transitions",
+        "digest"}, 3}};
+  std::vector<std::string> differences;
+  for (const Compared& table : tables) {
+    Statement a = stored->connection().Prepare(table.sql);
+    Statement b = repeated->connection().Prepare(table.sql);
+    a.Bind(stored_run);
+    b.Bind(repeated_run);
+    const std::string found = FirstDifference(&a, &b, table.what, table.columns, table.keys);
+    if (!found.empty()) differences.push_back(found);
+  }
+  return differences;
 }
 
 }  // namespace dreamsearch::results

@@ -87,5 +87,17 @@ TEST_F(DeterminismTest, WorkersKilledAtAnyMomentAndResumedGiveTheSameDigest) {
   EXPECT_EQ(place_->Value("killed.db", "select count(*) from step"), "8000");
 }
 
+TEST_F(DeterminismTest, TwoRunnersShareADatabaseWithoutDisturbingEachOther) {
+  const pid_t first = place_->Start(Arguments("shared.db", "1"));
+  ASSERT_TRUE(WaitForStep(*place_, "shared.db", 100));
+  const ProgramResult second = place_->Runner(Arguments("shared.db", "1"));
+  const ProgramResult result = place_->Wait(first);
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(second.exit_status, 0) << second.err;
+  EXPECT_EQ(place_->Value("shared.db", kDigests), reference_);
+  EXPECT_EQ(place_->Value("shared.db", "select count(*) from segment"), "4");
+  EXPECT_EQ(place_->Value("shared.db", "select count(*) from run where error <> ''"), "0");
+}
+
 }  // namespace
 }  // namespace dreamsearch
