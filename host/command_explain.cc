@@ -8,6 +8,7 @@
 #include "decision_tree.h"
 #include "episode.h"
 #include "evaluation.h"
+#include "experiment.h"
 #include "options.h"
 #include "progress.h"
 #include "question.h"
@@ -30,7 +31,8 @@ constexpr char kHelp[] =
     "PREFIX.html, one page without a network that shows the root's actions and every\n"
     "edge with visits, Q, prior, reward and value. RUN is a training or an evaluation\n"
     "(`runner eval`): its number or the beginning of its UUID from `runner status`.\n"
-    "Decisions and episodes count from 0.\n\n"
+    "Decisions and episodes count from 0. With --training the tree is one that a training\n"
+    "under `runner --record-trees` kept, noise of exploration included.\n\n"
     "Example\n"
     "  runner explain 3 --decision 120\n\n"
     "Options";
@@ -66,6 +68,41 @@ Subject FindSubject(results::Database* database, const std::string& run,
   evaluation.agent_sha256 = trained.agent_sha256;
   subject.agent = trained.checkpoint;
   return subject;
+}
+
+Subject TrainingSubject(results::Database* database, const std::string& run) {
+  Subject subject;
+  subject.info = database->GetRun(run);
+  subject.spec = RecordedSpec(database, subject.info);
+  if (subject.spec.evaluation) {
+    throw RunnerError(ExitCode::kUsage, "runner explain: --training: run " +
+                                            std::to_string(subject.info.run_id) +
+                                            " is an evaluation and trained nothing");
+  }
+  return subject;
+}
+
+// The tree of a training decision as --record-trees kept it.
+nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& name,
+                        std::uint64_t episode, std::uint64_t decision) {
+  const std::filesystem::path path = Experiment::TreesPath(folder, episode);
+  if (!std::filesystem::exists(path)) {
+    throw RunnerError(ExitCode::kNotFound,
+                      name + " kept no trees of training episode " + std::to_string(episode) +
+                          " (" + path.string() +
+                          "): it was run without --record-trees, the episode has not ended, or "
+                          "its actions were random");
+  }
+  const CheckpointSections trees = ReadCheckpointFile(path);
+  const auto found = trees.find(Experiment::TreeSection(decision));
+  if (found == trees.end()) {
+    throw RunnerError(ExitCode::kUsage, "--decision: training episode " +
+                                            std::to_string(episode) + " has the trees of " +
+                                            std::to_string(trees.size()) +
+                                            " decisions from 0, found " +
+                                            std::to_string(decision));
+  }
+  return nlohmann::json::parse(found->second);
 }
 
 std::string Number(double value) {
@@ -120,6 +157,7 @@ void PrintRoot(const nlohmann::json& tree) {
 int ExplainCommand(const std::vector<std::string>& arguments) {
   std::string run, db = "results/dreamsearch.db", out;
   std::int64_t episode = 0, decision = -1;
+  bool training = false;
   std::vector<std::string> plugin_path;
   po::options_description flags(kHelp);
   flags.add_options()("help", "show this help")(
@@ -127,8 +165,10 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
       "decision", po::value(&decision)->value_name("T"), "decision of the episode, from 0")(
       "episode", po::value(&episode)->value_name("I"), "episode of the evaluation, from 0 (0)")(
       "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
+      "training", po::bool_switch(&training),
+      "a decision of training episode I, kept by --record-trees")(
       "out", po::value(&out)->value_name("PREFIX"),
-      "what the two files' names begin with (runR_episodeI_decisionT)");
+      "what the two files' names begin with (runR_episodeI_decisionT; _training)");
   flags.add(PluginPathFlag(&plugin_path));
   po::positional_options_description positional;
   positional.add("run", 1);
@@ -148,23 +188,31 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
                           std::to_string(std::min(decision, episode)));
   }
   const auto database = results::Database::OpenReadOnly(db);
-  const Subject subject = FindSubject(database.get(), run, plugin_path);
+  const Subject subject = training ? TrainingSubject(database.get(), run)
+                                   : FindSubject(database.get(), run, plugin_path);
   const RunSpec& spec = subject.spec;
   const std::string name =
       "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
-  if (spec.planner.name() == kActorPlanner) {
+  if (!training && spec.planner.name() == kActorPlanner) {
     throw RunnerError(ExitCode::kUsage, name + " plays the actor's mode and searches nothing: "
                                                "there is no tree. `runner eval` evaluates it under "
                                                "a planner, and that run can be explained");
   }
-  Question question;
-  question.command = "explain-decision";
-  question.who = name;
-  question.show_messages = true;
-  nlohmann::json tree = Ask(question, {{"spec", ToJson(spec)},
-                                       {"agent", subject.agent.string()},
-                                       {"episode", episode},
-                                       {"decision", decision}});
+  nlohmann::json tree;
+  if (training) {
+    tree = KeptTree(database->RunFolder(subject.info.uuid), name,
+                    static_cast<std::uint64_t>(episode), static_cast<std::uint64_t>(decision));
+  } else {
+    Question question;
+    question.command = "explain-decision";
+    question.who = name;
+    question.show_messages = true;
+    tree = Ask(question, {{"spec", ToJson(spec)},
+                          {"agent", subject.agent.string()},
+                          {"episode", episode},
+                          {"decision", decision}});
+    tree["env_step"] = spec.evaluation->env_step;
+  }
   tree["format"] = "dreamsearch tree 1";
   tree["run_id"] = subject.info.run_id;
   tree["run_uuid"] = subject.info.uuid;
@@ -172,12 +220,11 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   tree["planner"] = spec.planner.name();
   tree["model"] = spec.model.name();
   tree["seed"] = spec.seed;
-  tree["env_step"] = spec.evaluation->env_step;
-  tree["phase"] = "evaluation";
+  tree["phase"] = training ? "training" : "evaluation";
   tree["episode"] = episode;
   tree["decision"] = decision;
   if (out.empty()) {
-    out = "run" + std::to_string(subject.info.run_id) + "_episode" + std::to_string(episode) +
+    out = "run" + std::to_string(subject.info.run_id) + (training ? "_training" : "") + "_episode" + std::to_string(episode) +
           "_decision" + std::to_string(decision);
   }
   WriteWholeFile(out + ".json", tree.dump() + "\n");

@@ -24,6 +24,10 @@ class TreeCollector final : public TreeSink {
   };
 
   void Edge(const TreeEdge& edge) noexcept override;
+  void Clear() {
+    edges_.clear();
+    faulty_ = false;
+  }
 
   const std::vector<Kept>& edges() const { return edges_; }
   // Whether memory ran out or an edge came before its parent.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "byte_buffer.h"
@@ -15,6 +16,8 @@ namespace dreamsearch {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+constexpr char kTreePrefix[] = "tree ";
 
 // The database counts in signed 64-bit integers.
 std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
@@ -161,6 +164,7 @@ void Experiment::BeginEpisode() {
   std::fill(episode_metrics_.begin(), episode_metrics_.end(), 0.0);
   plan_us_.clear();
   episode_actions_.clear();
+  trees_.clear();
   agent_->BeginEpisode(Phase::kTraining, at_.training_episodes);
 }
 
@@ -173,7 +177,10 @@ void Experiment::MakeDecision() {
     for (double& entry : action_) entry = random.Uniform(-1, 1);
   } else {
     const ActivityScope scope(&clock_, Activity::kPlanning);
-    decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step);
+    tree_.Clear();
+    decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step,
+                              options_.record_trees ? &tree_ : nullptr);
+    if (options_.record_trees) KeepTree(decision);
     std::copy(agent_->action().begin(), agent_->action().end(), action_.begin());
     for (std::size_t i = 0; i < episode_metrics_.size(); ++i) {
       episode_metrics_[i] += agent_->metrics()[i];
@@ -221,8 +228,37 @@ void Experiment::MakeDecision() {
   if (held.last || at_.env_step >= target_) FinishEpisode();
 }
 
+std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,
+                                            std::uint64_t episode) {
+  return folder / ("trees-" + std::to_string(episode) + ".trees");
+}
+
+std::string Experiment::TreeSection(std::uint64_t decision) {
+  return kTreePrefix + std::to_string(decision);
+}
+
+void Experiment::KeepTree(const Decision& decision) {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  if (tree_.faulty()) {
+    throw RunnerError(ExitCode::kInternal, "planner '" + spec_.planner.name() +
+                                               "' reported an edge before its parent, or memory "
+                                               "ran out");
+  }
+  if (tree_.edges().empty()) return;
+  nlohmann::json json = TreeJson(tree_, agent_->action(), decision, agent_->metrics(),
+                                 components_.planner().metrics);
+  json["env_step"] = at_.env_step;
+  trees_[TreeSection(episode_.t)] = json.dump();
+}
+
 void Experiment::FinishEpisode() {
   const ActivityScope scope(&clock_, Activity::kRecording);
+  if (!trees_.empty()) {
+    const std::filesystem::path path = TreesPath(folder_, at_.training_episodes);
+    WriteCheckpointFile(path, trees_);
+    AddArtifact(path, "trees");
+    trees_.clear();
+  }
   replay_.EndEpisode();
   results::EpisodeRow row;
   row.phase = results::Phase::kTraining;
@@ -444,6 +480,7 @@ CheckpointSections Experiment::Save(bool with_replay) const {
     episode.Vector(state);
     agent_->Save(&episode);
     sections["episode"] = std::move(episode).bytes();
+    sections.insert(trees_.begin(), trees_.end());
   }
   return sections;
 }
@@ -466,6 +503,9 @@ void Experiment::Load(const CheckpointSections& sections) {
   if (sections.count("replay") != 0) replay_.Load(section("replay"));
 
   if (at_.stage != Stage::kEpisode) return;
+  for (const auto& [name, bytes] : sections) {
+    if (name.starts_with(kTreePrefix)) trees_[name] = bytes;
+  }
   ByteReader episode(section("episode"), "checkpoint section 'episode'");
   episode_ = episode.Value<EpisodeState>();
   episode.ArrayInto(observation_.data(), observation_.size());

@@ -25,6 +25,7 @@
 #include "agent.h"
 #include "checkpoint.h"
 #include "components.h"
+#include "decision_tree.h"
 #include "procedure.h"
 #include "replay.h"
 #include "results/run_writer.h"
@@ -37,6 +38,7 @@ class Experiment final : public Procedure {
   struct Options {
     std::uint32_t threads = 1;
     bool log_decisions = false;
+    bool record_trees = false;  // keep the training decisions' search trees
     double segment_started = ActivityClock::Now();  // from when wall time is accounted
     std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };
@@ -53,6 +55,13 @@ class Experiment final : public Procedure {
 
   std::uint64_t env_step() const override { return at_.env_step; }
   const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
+
+  // The file in a run's folder with the trees of a training episode: a checkpoint file
+  // with a section TreeSection(t) for each decision t whose planner reported a tree,
+  // TreeJson with `env_step`.
+  static std::filesystem::path TreesPath(const std::filesystem::path& folder,
+                                         std::uint64_t episode);
+  static std::string TreeSection(std::uint64_t decision);
 
   // What a resume needs to know of a checkpoint without making the components.
   static results::ResumePoint ResumePointOf(const CheckpointSections& sections);
@@ -100,6 +109,7 @@ class Experiment final : public Procedure {
   // False if a stop was asked for: then nothing was recorded.
   bool Evaluate();
   bool EvaluateEpisode(Agent* agent, std::uint64_t index, results::EpisodeRow* row);
+  void KeepTree(const Decision& decision);
   void MaybeCheckpoint();
   void RecordTimeUse();
   void WriteCheckpoint(bool with_replay);
@@ -136,6 +146,8 @@ class Experiment final : public Procedure {
   std::vector<double> episode_metrics_;      // sums over this episode's planned decisions
   std::vector<double> burst_metrics_;        // sums over the updates since the last record
   std::vector<double> metrics_;
+  TreeCollector tree_;
+  CheckpointSections trees_;                 // of this episode, by TreeSection
 
   std::vector<std::int64_t> planner_metric_ids_;
   std::vector<std::int64_t> model_metric_ids_;

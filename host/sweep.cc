@@ -61,6 +61,7 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   job.work.memory_limit_bytes = options.memory_limit_bytes;
   job.work.log_decisions = options.log_decisions;
+  job.work.record_trees = options.record_trees;
   return job;
 }
 

@@ -132,6 +132,7 @@ std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, double segment_st
   options.segment_started = segment_started;
   options.threads = job.threads;
   options.log_decisions = job.log_decisions;
+  options.record_trees = job.record_trees;
   options.checkpoint_header = CheckpointHeader(job.spec);
   return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
 }
@@ -218,6 +219,7 @@ std::string EncodeJob(const WorkerJob& job) {
   json["threads"] = job.threads;
   json["memory_limit_bytes"] = job.memory_limit_bytes;
   json["log_decisions"] = job.log_decisions;
+  json["record_trees"] = job.record_trees;
   json["force"] = job.force;
   return json.dump();
 }
@@ -234,6 +236,7 @@ WorkerJob DecodeJob(const std::string& text) {
     job.threads = json.at("threads");
     job.memory_limit_bytes = json.at("memory_limit_bytes");
     job.log_decisions = json.at("log_decisions");
+    job.record_trees = json.at("record_trees");
     job.force = json.at("force");
     return job;
   } catch (const nlohmann::json::exception& error) {

@@ -23,6 +23,7 @@ struct WorkerJob {
   std::uint32_t threads = 1;
   std::uint64_t memory_limit_bytes = 0;  // 0: none
   bool log_decisions = false;
+  bool record_trees = false;
   bool force = false;  // go on under another instruction set
 };
 

@@ -118,6 +118,33 @@ TEST_F(ExplainTest, ABrowserShowsEveryRootAction) {
   EXPECT_NE(dom.find(">played<"), std::string::npos);
 }
 
+TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
+  const ProgramResult trained = place_->Runner(
+      TinyRun("cartpole_balance", "mcts_pw", "kept.db", {"--record-trees"}));
+  ASSERT_EQ(trained.exit_status, 0) << trained.err;
+  EXPECT_EQ(place_->Value("kept.db", "select result_digest from run"),
+            place_->Value("e.db", "select result_digest from run where run_id = 1"));
+  // Episode 0 was random; 1, 2 and 3 were planned.
+  EXPECT_EQ(place_->Value("kept.db", "select count(*) from artifact where kind = 'trees'"), "3");
+  const ProgramResult shown =
+      place_->Runner({"explain", "1", "--training", "--episode", "2", "--decision", "30", "--db",
+                      "kept.db", "--out", "training"});
+  ASSERT_EQ(shown.exit_status, 0) << shown.err;
+  const nlohmann::json tree = Tree("training");
+  EXPECT_EQ(tree["phase"], "training");
+  // The decision's own row says the same.
+  const std::string row = place_->Value(
+      "kept.db", "select simulations || ' ' || nodes || ' ' || depth || ' ' || (value = " +
+                     tree["root"]["value"].dump() + ") || ' ' || (env_step - 2) from step where "
+                     "episode = 2 and t = 30");
+  EXPECT_EQ(row, tree["root"]["simulations"].dump() + " " + tree["root"]["nodes"].dump() + " " +
+                     tree["root"]["depth"].dump() + " 1 " + tree["env_step"].dump());
+  const ProgramResult random = place_->Runner(
+      {"explain", "1", "--training", "--decision", "0", "--db", "kept.db"});
+  EXPECT_EQ(random.exit_status, 66) << random.err;
+  EXPECT_NE(random.err.find("random"), std::string::npos) << random.err;
+}
+
 TEST_F(ExplainTest, SaysWhatItCannotShow) {
   const ProgramResult beyond = Explain("1", "500", "x");
   EXPECT_EQ(beyond.exit_status, 2) << beyond.err;
