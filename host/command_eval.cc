@@ -46,10 +46,10 @@ std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
                             ". Expected that, or a model on true dynamics such as oracle");
     }
     if (spec.model.info->needs_environment) {
-      throw RunnerError(ExitCode::kUsage,
-                        "--model: " + RunName(trained) + " trained no actor and critic for '" +
-                            evaluation.model.name() + "': its own model is '" +
-                            spec.model.name() + "'");
+      throw RunnerError(ExitCode::kUsage, "--model: " + RunName(trained) +
+                                              " trained no actor and critic for '" +
+                                              evaluation.model.name() + "': its own model is '" +
+                                              spec.model.name() + "'");
     }
     what.behaviour = spec.model;
   }
@@ -129,9 +129,8 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
     row.push_back(std::to_string(n));
     row.push_back(n == 0 ? "-" : Printf("%.1f", Mean(figures.returns)));
     row.push_back(n < 2 ? "-" : Printf("%.1f", StandardError(figures.returns)));
-    row.push_back(figures.decisions == 0
-                      ? "-"
-                      : Printf("%.3f", figures.plan_us / figures.decisions / 1000));
+    row.push_back(
+        figures.decisions == 0 ? "-" : Printf("%.3f", figures.plan_us / figures.decisions / 1000));
     row.push_back(figures.decisions == 0 ? "-"
                                          : Printf("%.1f", figures.transitions / figures.decisions));
     if (figures.finished < figures.runs) row.emplace_back("unfinished");
@@ -181,8 +180,7 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   std::vector<results::TaskInfo> task_of_spec;
   for (RunSpec& spec : specs) {
     task_of_spec.push_back(tasks[spec.environment.name()]);
-    spec.evaluation->episode_steps =
-        static_cast<std::uint64_t>(task_of_spec.back().episode_steps);
+    spec.evaluation->episode_steps = static_cast<std::uint64_t>(task_of_spec.back().episode_steps);
   }
 
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);

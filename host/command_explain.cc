@@ -96,11 +96,9 @@ nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& 
   const CheckpointSections trees = ReadCheckpointFile(path);
   const auto found = trees.find(Experiment::TreeSection(decision));
   if (found == trees.end()) {
-    throw RunnerError(ExitCode::kUsage, "--decision: training episode " +
-                                            std::to_string(episode) + " has the trees of " +
-                                            std::to_string(trees.size()) +
-                                            " decisions from 0, found " +
-                                            std::to_string(decision));
+    throw RunnerError(ExitCode::kUsage, "--decision: training episode " + std::to_string(episode) +
+                                            " has the trees of " + std::to_string(trees.size()) +
+                                            " decisions from 0, found " + std::to_string(decision));
   }
   return nlohmann::json::parse(found->second);
 }
@@ -160,8 +158,8 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   bool training = false;
   std::vector<std::string> plugin_path;
   po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")(
-      "run", po::value(&run)->value_name("RUN"), "the run")(
+  flags.add_options()("help", "show this help")("run", po::value(&run)->value_name("RUN"),
+                                                "the run")(
       "decision", po::value(&decision)->value_name("T"), "decision of the episode, from 0")(
       "episode", po::value(&episode)->value_name("I"), "episode of the evaluation, from 0 (0)")(
       "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
@@ -194,9 +192,10 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   const std::string name =
       "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
   if (!training && spec.planner.name() == kActorPlanner) {
-    throw RunnerError(ExitCode::kUsage, name + " plays the actor's mode and searches nothing: "
-                                               "there is no tree. `runner eval` evaluates it under "
-                                               "a planner, and that run can be explained");
+    throw RunnerError(ExitCode::kUsage, name +
+                                            " plays the actor's mode and searches nothing: "
+                                            "there is no tree. `runner eval` evaluates it under "
+                                            "a planner, and that run can be explained");
   }
   nlohmann::json tree;
   if (training) {
@@ -224,8 +223,8 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   tree["episode"] = episode;
   tree["decision"] = decision;
   if (out.empty()) {
-    out = "run" + std::to_string(subject.info.run_id) + (training ? "_training" : "") + "_episode" + std::to_string(episode) +
-          "_decision" + std::to_string(decision);
+    out = "run" + std::to_string(subject.info.run_id) + (training ? "_training" : "") + "_episode" +
+          std::to_string(episode) + "_decision" + std::to_string(decision);
   }
   WriteWholeFile(out + ".json", tree.dump() + "\n");
   WriteWholeFile(out + ".html", TreePage(tree));
@@ -277,8 +276,8 @@ int ExplainDecisionMain() {
     PlayEvaluationEpisode(episode, hooks, &row);
     if (played <= wanted) {
       throw RunnerError(ExitCode::kUsage, "--decision: expected 0 to " +
-                                              std::to_string(played - 1) + " in that episode, found " +
-                                              std::to_string(wanted));
+                                              std::to_string(played - 1) +
+                                              " in that episode, found " + std::to_string(wanted));
     }
     const std::string who = "planner '" + spec.planner.name() + "'";
     if (tree.faulty()) {

@@ -46,8 +46,8 @@ int ExportCommand(const std::vector<std::string>& arguments) {
   std::string run, db = "results/dreamsearch.db", out;
   std::vector<std::string> plugin_path;
   po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")(
-      "run", po::value(&run)->value_name("RUN"), "the trained run")(
+  flags.add_options()("help", "show this help")("run", po::value(&run)->value_name("RUN"),
+                                                "the trained run")(
       "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
       "out", po::value(&out)->value_name("FILE"),
       "the file to write (TASK_PLANNER_seedN.safetensors here)");
@@ -101,9 +101,9 @@ int ExportCommand(const std::vector<std::string>& arguments) {
   }
   table.Print(std::cout);
   std::cerr << "wrote " << out << ": " << answer.at("tensors").size() << " tensors, "
-            << GroupDigits(numbers) << " numbers, "
-            << FormatBytes(answer.at("bytes").get<double>()) << ", of " << RunName(trained)
-            << " after " << GroupDigits(trained.env_step) << " environment steps\n";
+            << GroupDigits(numbers) << " numbers, " << FormatBytes(answer.at("bytes").get<double>())
+            << ", of " << RunName(trained) << " after " << GroupDigits(trained.env_step)
+            << " environment steps\n";
   return 0;
 }
 
@@ -114,8 +114,7 @@ int ExportModelMain() {
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentPtr own_environment =
         components.model().needs_environment ? components.MakeEnvironment() : nullptr;
-    const ModelPtr model =
-        components.MakeModel(environment->spec(), 1, own_environment.get());
+    const ModelPtr model = components.MakeModel(environment->spec(), 1, own_environment.get());
     const CheckpointSections sections =
         ReadCheckpointFile(question.at("checkpoint").get<std::string>());
     LoadModel(sections, spec.model.name(), model.get());
@@ -130,9 +129,8 @@ int ExportModelMain() {
     answer["bytes"] = WriteSafetensors(question.at("out").get<std::string>(), collector.tensors(),
                                        question.at("metadata"));
     for (const NamedTensor& tensor : collector.tensors()) {
-      answer["tensors"].push_back({{"name", tensor.name},
-                                   {"shape", tensor.shape},
-                                   {"size", tensor.values.size()}});
+      answer["tensors"].push_back(
+          {{"name", tensor.name}, {"shape", tensor.shape}, {"size", tensor.values.size()}});
     }
     return answer;
   });

@@ -59,8 +59,8 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
   std::string what;
   bool force = false;
   po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")(
-      "run", po::value(&what)->value_name("RUN"), "the run")(
+  flags.add_options()("help", "show this help")("run", po::value(&what)->value_name("RUN"),
+                                                "the run")(
       "force", po::bool_switch(&force),
       "compare though a plugin or the instruction set has changed");
   flags.add(LimitFlags(&options));
@@ -85,8 +85,7 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
                                             "; expected a finished run");
   }
   if (database->ComputeResultDigest(run.run_id) != run.result_digest) {
-    std::cout << "different: the stored episodes of " << name
-              << " do not have its stored digest\n";
+    std::cout << "different: the stored episodes of " << name << " do not have its stored digest\n";
     return static_cast<int>(ExitCode::kVerificationFailed);
   }
   std::string changed = ChangedFile(spec);

@@ -2,14 +2,14 @@
 
 #include <cmath>
 #include <limits>
-#include <string_view>
-
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 // The assembler reads the page; its path comes from CMake.
 asm(".section .rodata\n"
     ".global dreamsearch_explain_page_begin\n.global dreamsearch_explain_page_end\n"
-    "dreamsearch_explain_page_begin:\n.incbin \"" DREAMSEARCH_EXPLAIN_PAGE "\"\n"
+    "dreamsearch_explain_page_begin:\n.incbin \"" DREAMSEARCH_EXPLAIN_PAGE
+    "\"\n"
     "dreamsearch_explain_page_end:\n.byte 0\n.previous\n");
 extern "C" __attribute__((visibility("hidden"))) const char dreamsearch_explain_page_begin[];
 extern "C" __attribute__((visibility("hidden"))) const char dreamsearch_explain_page_end[];

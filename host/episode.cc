@@ -27,9 +27,8 @@ double Percentile95(std::vector<double> values) {
   return values[index];
 }
 
-HeldAction HoldAction(Environment* environment, const std::string& name,
-                      View<const double> action, std::uint64_t most_steps,
-                      View<double> observation) {
+HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
+                      std::uint64_t most_steps, View<double> observation) {
   std::vector<double> bounded(action.size);
   ToEnvironmentBounds(environment->spec(), action, {bounded.data(), bounded.size()});
   HeldAction held;
@@ -43,16 +42,16 @@ HeldAction HoldAction(Environment* environment, const std::string& name,
   held.discount = step.discount;
   held.last = step.last;
   if (!std::isfinite(held.reward) || !std::isfinite(held.discount) || !AllFinite(observation)) {
-    throw RunnerError(ExitCode::kDiverged, "environment '" + name +
-                                               "': a reward or an observation is not finite");
+    throw RunnerError(ExitCode::kDiverged,
+                      "environment '" + name + "': a reward or an observation is not finite");
   }
   return held;
 }
 
 bool PlayEvaluationEpisode(const EvaluationEpisode& episode, const EpisodeHooks& hooks,
                            results::EpisodeRow* row) {
-  const auto seed = static_cast<std::uint32_t>(SeedFor(
-      episode.run_seed, SeedUse::kEnvironment, Phase::kEvaluation, episode.index, 0));
+  const auto seed = static_cast<std::uint32_t>(
+      SeedFor(episode.run_seed, SeedUse::kEnvironment, Phase::kEvaluation, episode.index, 0));
   std::vector<double> observation(episode.environment->spec().observation_size);
   const View<double> view{observation.data(), observation.size()};
   ThrowUnlessOk(episode.environment->Reset(seed, view),
@@ -66,8 +65,8 @@ bool PlayEvaluationEpisode(const EvaluationEpisode& episode, const EpisodeHooks&
   HeldAction held;
   for (std::uint64_t t = 0; !held.last; ++t) {
     if (!hooks.go_on(t)) return false;
-    const Decision decision = agent->Decide(view, false, episode.env_step,
-                                            hooks.tree ? hooks.tree(t) : nullptr);
+    const Decision decision =
+        agent->Decide(view, false, episode.env_step, hooks.tree ? hooks.tree(t) : nullptr);
     if (hooks.decided) hooks.decided(t, decision);
     held = HoldAction(episode.environment, episode.environment_name, agent->action(),
                       episode.action_repeat, view);

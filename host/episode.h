@@ -16,8 +16,8 @@
 namespace dreamsearch {
 
 bool AllFinite(View<const double> values);
-double Mean(const std::vector<double>& values);          // 0 for none
-double Percentile95(std::vector<double> values);         // 0 for none
+double Mean(const std::vector<double>& values);   // 0 for none
+double Percentile95(std::vector<double> values);  // 0 for none
 
 // What holding an action gave.
 struct HeldAction {
@@ -30,9 +30,8 @@ struct HeldAction {
 // Applies an action of [-1, 1]^A for up to `most_steps` environment steps, at least
 // one, fewer if the episode ends. observation: [O], what it led to. `name` is the
 // environment's, for messages. Throws RunnerError 72 for what is not finite.
-HeldAction HoldAction(Environment* environment, const std::string& name,
-                      View<const double> action, std::uint64_t most_steps,
-                      View<double> observation);
+HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
+                      std::uint64_t most_steps, View<double> observation);
 
 struct EvaluationEpisode {
   Agent* agent = nullptr;

@@ -57,10 +57,10 @@ CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& c
   }
   const std::string found = Sha256(sections["model"]);
   if (found != spec.evaluation->agent_sha256) {
-    throw RunnerError(ExitCode::kBadInput,
-                      checkpoint.string() + " holds another agent: expected SHA-256 " +
-                          spec.evaluation->agent_sha256 + ", found " + found +
-                          ". `runner eval` again takes what is there now");
+    throw RunnerError(ExitCode::kBadInput, checkpoint.string() +
+                                               " holds another agent: expected SHA-256 " +
+                                               spec.evaluation->agent_sha256 + ", found " + found +
+                                               ". `runner eval` again takes what is there now");
   }
   return sections;
 }
@@ -195,8 +195,8 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
   const double seconds_before = at_.seconds;
   const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
   const CheckpointSections agent = ReadAgent(spec_, options_.agent);
-  const std::size_t count = static_cast<std::size_t>(
-      std::min<std::uint64_t>(options_.threads, episodes - at_.episodes));
+  const std::size_t count =
+      static_cast<std::size_t>(std::min<std::uint64_t>(options_.threads, episodes - at_.episodes));
   // Made one after the other: a plugin's factories need not bear two threads.
   std::vector<std::unique_ptr<EvaluationPlayer>> players;
   for (std::size_t i = 0; i < count; ++i) {
@@ -207,9 +207,8 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
   const auto play = [&](EvaluationPlayer* player) {
     while (const std::optional<std::uint64_t> index = stage.Take()) {
       Played played;
-      played.row.phase = spec_.planner.name() == kActorPlanner
-                             ? results::Phase::kActorEvaluation
-                             : results::Phase::kSearchEvaluation;
+      played.row.phase = spec_.planner.name() == kActorPlanner ? results::Phase::kActorEvaluation
+                                                               : results::Phase::kSearchEvaluation;
       played.row.episode = static_cast<std::int64_t>(*index);
       played.row.env_step = static_cast<std::int64_t>(env_step());
       played.metric_sums.resize(metric_sums_.size());
@@ -222,9 +221,7 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       episode.index = *index;
       episode.env_step = env_step();
       EpisodeHooks hooks;
-      hooks.go_on = [&](std::uint64_t) {
-        return !stage.stop.load(std::memory_order_relaxed);
-      };
+      hooks.go_on = [&](std::uint64_t) { return !stage.stop.load(std::memory_order_relaxed); };
       hooks.decided = [&](std::uint64_t, const Decision&) {
         ++played.decisions;
         stage.env_steps += spec_.action_repeat();
@@ -263,9 +260,9 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       progress.stage = "evaluate";
       progress.env_step = steps_before + env_steps;
       progress.training_return = std::numeric_limits<double>::quiet_NaN();
-      progress.evaluation_return =
-          at_.episodes == 0 ? std::numeric_limits<double>::quiet_NaN()
-                            : at_.return_sum / static_cast<double>(at_.episodes);
+      progress.evaluation_return = at_.episodes == 0
+                                       ? std::numeric_limits<double>::quiet_NaN()
+                                       : at_.return_sum / static_cast<double>(at_.episodes);
       watcher(progress);
     }
   }

@@ -51,9 +51,9 @@ CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& c
 class Evaluation final : public Procedure {
  public:
   struct Options {
-    std::uint32_t threads = 1;           // episodes at once
-    std::filesystem::path agent;         // the trained run's checkpoint; empty for none
-    std::string checkpoint_header;       // kept in every checkpoint, read by whoever resumes
+    std::uint32_t threads = 1;      // episodes at once
+    std::filesystem::path agent;    // the trained run's checkpoint; empty for none
+    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };
 
   // `writer` receives the rows; it must have an open segment.

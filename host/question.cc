@@ -63,9 +63,9 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
                       answer["error"].get<std::string>());
   }
   if (!answer.is_object() || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw RunnerError(ExitCode::kPluginCrashed,
-                      "`runner " + question.command + "` with the components of " + question.who +
-                          " ended with " + DescribeWaitStatus(status));
+    throw RunnerError(ExitCode::kPluginCrashed, "`runner " + question.command +
+                                                    "` with the components of " + question.who +
+                                                    " ended with " + DescribeWaitStatus(status));
   }
   return answer;
 }

@@ -30,9 +30,8 @@ Status TensorCollector::Tensor(const char* name, View<const std::uint64_t> shape
                    tensor.name.c_str());
     }
     if (size != values.size) {
-      return Error(StatusCode::kInvalidArgument,
-                   "tensor '%s' has %llu values, its shape says %llu", tensor.name.c_str(),
-                   static_cast<unsigned long long>(values.size),
+      return Error(StatusCode::kInvalidArgument, "tensor '%s' has %llu values, its shape says %llu",
+                   tensor.name.c_str(), static_cast<unsigned long long>(values.size),
                    static_cast<unsigned long long>(size));
     }
     tensor.values.assign(values.begin(), values.end());

@@ -32,15 +32,13 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
   const std::string name = RunName(found);
   auto loaded = CheckpointFolder(database->RunFolder(found.info.uuid)).LoadNewest();
   if (!loaded) {
-    throw RunnerError(ExitCode::kNotFound,
-                      name + " has no checkpoint yet (it is " +
-                          results::RunStatusName(found.info.status) + ") in " +
-                          database->RunFolder(found.info.uuid));
+    throw RunnerError(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
+                                               results::RunStatusName(found.info.status) + ") in " +
+                                               database->RunFolder(found.info.uuid));
   }
   found.checkpoint = loaded->path;
   found.warnings = loaded->skipped;
-  found.env_step =
-      static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
+  found.env_step = static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
   found.agent_sha256 = Sha256(loaded->sections["model"]);
 
   std::vector<std::string> folders = plugin_path;

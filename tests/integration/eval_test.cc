@@ -28,9 +28,10 @@ class EvalTest : public testing::Test {
   static std::string Value(const std::string& sql) { return place_->Value("e.db", sql); }
   // The episodes' digests of an evaluation of run 1.
   static std::string Digests(const std::string& planner, const std::string& model) {
-    return Value("select group_concat(digest) from (select digest from episode join run using "
-                 "(run_id) where parent_run_id = 1 and planner = '" + planner +
-                 "' and model = '" + model + "' order by episode)");
+    return Value(
+        "select group_concat(digest) from (select digest from episode join run using "
+        "(run_id) where parent_run_id = 1 and planner = '" +
+        planner + "' and model = '" + model + "' order by episode)");
   }
 
   static Workplace* place_;
@@ -96,8 +97,9 @@ TEST_F(EvalTest, TheSameCommandAgainPlaysNothing) {
 }
 
 TEST_F(EvalTest, NeedsNoTrainingOnTheOracle) {
-  const std::vector<std::string> arguments = {"eval", "--env", "cartpole_swingup,pendulum_swingup",
-                                              "--planner", "random,dreamer", "--episodes", "3"};
+  const std::vector<std::string> arguments = {
+      "eval",       "--env", "cartpole_swingup,pendulum_swingup", "--planner", "random,dreamer",
+      "--episodes", "3"};
   const auto with = [&](const std::string& db, const std::string& jobs) {
     std::vector<std::string> all = arguments;
     all.insert(all.end(), {"--db", db, "--jobs", jobs});
@@ -113,19 +115,22 @@ TEST_F(EvalTest, NeedsNoTrainingOnTheOracle) {
   EXPECT_EQ(place_->Value("one.db", digests).size(), 4 * 64 + 3u);
   EXPECT_EQ(place_->Value("one.db", digests), place_->Value("many.db", digests));
   // `dreamer` plays the proposal's mode, 0: the pendulum hangs.
-  EXPECT_EQ(place_->Value("one.db", "select max(episode_return) from episode join run using "
-                                    "(run_id) join task using (task_id) where planner = "
-                                    "'dreamer' and name = 'pendulum_swingup'"),
+  EXPECT_EQ(place_->Value("one.db",
+                          "select max(episode_return) from episode join run using "
+                          "(run_id) join task using (task_id) where planner = "
+                          "'dreamer' and name = 'pendulum_swingup'"),
             "0.0");
-  EXPECT_EQ(place_->Value("one.db", "select count(distinct digest) from episode join run using "
-                                    "(run_id) where planner = 'random'"),
+  EXPECT_EQ(place_->Value("one.db",
+                          "select count(distinct digest) from episode join run using "
+                          "(run_id) where planner = 'random'"),
             "6");
 }
 
 TEST_F(EvalTest, InterruptedItGoesOnWithTheNextEpisode) {
   const std::vector<std::string> arguments = {
-      "eval", "--env", "cartpole_swingup", "--planner", "random_shooting", "--episodes", "6",
-      "--set", "planner.candidates=4", "--set", "planner.horizon=2", "--jobs", "1"};
+      "eval", "--env", "cartpole_swingup",     "--planner", "random_shooting",   "--episodes",
+      "6",    "--set", "planner.candidates=4", "--set",     "planner.horizon=2", "--jobs",
+      "1"};
   const auto with = [&](const std::string& db) {
     std::vector<std::string> all = arguments;
     all.insert(all.end(), {"--db", db});

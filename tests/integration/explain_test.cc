@@ -29,8 +29,7 @@ class ExplainTest : public testing::Test {
 
   static ProgramResult Explain(const std::string& run, const std::string& decision,
                                const std::string& out) {
-    return place_->Runner(
-        {"explain", run, "--decision", decision, "--db", "e.db", "--out", out});
+    return place_->Runner({"explain", run, "--decision", decision, "--db", "e.db", "--out", out});
   }
   static nlohmann::json Tree(const std::string& out) {
     return nlohmann::json::parse(FileText(place_->Path(out + ".json")));
@@ -119,8 +118,8 @@ TEST_F(ExplainTest, ABrowserShowsEveryRootAction) {
 }
 
 TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
-  const ProgramResult trained = place_->Runner(
-      TinyRun("cartpole_balance", "mcts_pw", "kept.db", {"--record-trees"}));
+  const ProgramResult trained =
+      place_->Runner(TinyRun("cartpole_balance", "mcts_pw", "kept.db", {"--record-trees"}));
   ASSERT_EQ(trained.exit_status, 0) << trained.err;
   EXPECT_EQ(place_->Value("kept.db", "select result_digest from run"),
             place_->Value("e.db", "select result_digest from run where run_id = 1"));
@@ -135,12 +134,13 @@ TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
   // The decision's own row says the same.
   const std::string row = place_->Value(
       "kept.db", "select simulations || ' ' || nodes || ' ' || depth || ' ' || (value = " +
-                     tree["root"]["value"].dump() + ") || ' ' || (env_step - 2) from step where "
+                     tree["root"]["value"].dump() +
+                     ") || ' ' || (env_step - 2) from step where "
                      "episode = 2 and t = 30");
   EXPECT_EQ(row, tree["root"]["simulations"].dump() + " " + tree["root"]["nodes"].dump() + " " +
                      tree["root"]["depth"].dump() + " 1 " + tree["env_step"].dump());
-  const ProgramResult random = place_->Runner(
-      {"explain", "1", "--training", "--decision", "0", "--db", "kept.db"});
+  const ProgramResult random =
+      place_->Runner({"explain", "1", "--training", "--decision", "0", "--db", "kept.db"});
   EXPECT_EQ(random.exit_status, 66) << random.err;
   EXPECT_NE(random.err.find("random"), std::string::npos) << random.err;
 }

@@ -15,8 +15,8 @@ class VerifyTest : public testing::Test {
     place_ = new Workplace;
     const ProgramResult trained = place_->Runner(TinyRun("cartpole_balance", "mcts_pw", "v.db"));
     ASSERT_EQ(trained.exit_status, 0) << trained.err;
-    const ProgramResult evaluated = place_->Runner(
-        {"eval", "1", "--planner", "mcts_pw", "--model", "oracle", "--db", "v.db"});
+    const ProgramResult evaluated =
+        place_->Runner({"eval", "1", "--planner", "mcts_pw", "--model", "oracle", "--db", "v.db"});
     ASSERT_EQ(evaluated.exit_status, 0) << evaluated.err;
   }
   static void TearDownTestSuite() { delete place_; }
@@ -48,8 +48,11 @@ TEST_F(VerifyTest, ATrainingAndAnEvaluationAreEqualWhenRepeated) {
 TEST_F(VerifyTest, NamesTheFirstDecisionThatDiffers) {
   const std::string copy = Copy("other_seed");
   // The same rows, as if they had come from another seed.
-  const std::string path = copy + ".files/" + place_->Value("v.db", "select uuid from run where "
-                                                                    "run_id = 1") + "/run.json";
+  const std::string path = copy + ".files/" +
+                           place_->Value("v.db",
+                                         "select uuid from run where "
+                                         "run_id = 1") +
+                           "/run.json";
   nlohmann::json spec;
   std::ifstream(path) >> spec;
   spec["seed"] = 5;
@@ -65,8 +68,9 @@ TEST_F(VerifyTest, NamesTheFirstDecisionThatDiffers) {
 
 TEST_F(VerifyTest, StoredEpisodesWithoutTheirDigestAreNotRepeated) {
   const std::string copy = Copy("touched");
-  place_->Value("touched", "update episode set episode_return = episode_return + 1 where run_id = "
-                           "1 and phase = 0 and episode = 2");
+  place_->Value("touched",
+                "update episode set episode_return = episode_return + 1 where run_id = "
+                "1 and phase = 0 and episode = 2");
   const ProgramResult result = place_->Runner({"verify", "1", "--db", copy});
   EXPECT_EQ(result.exit_status, 78) << result.err;
   EXPECT_NE(result.out.find("do not have its stored digest"), std::string::npos) << result.out;
