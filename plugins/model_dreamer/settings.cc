@@ -133,10 +133,11 @@ constexpr ParameterSpec kParameters[] = {
                     "Factors of the training's matrix products: float, or rounded to bfloat16 "
                     "where the processor multiplies it (AMX), with float weights and sums. [ours]")
         .Preset("paper", "float"),
-    ChoiceParameter("planning_precision", "bfloat16", "float,bfloat16",
-                    "The same for what planners ask: transitions, rewards, values, proposals. The "
-                    "posterior is always computed in float. [ours]")
-        .Preset("paper", "float"),
+    ChoiceParameter("planning_precision", "float", "float,bfloat16",
+                    "The same for what planners ask: transitions, rewards, values, proposals. "
+                    "bfloat16 is faster, but its error of half a percent can be larger than the "
+                    "differences that a search decides by. The posterior is always in float. "
+                    "[ours]"),
     ChoiceParameter("acting_latent", "sample", "sample,mean",
                     "What Observe returns of the posterior. [dreamer: sample]"),
     ChoiceParameter("imagined_latent", "mean", "sample,mean",
