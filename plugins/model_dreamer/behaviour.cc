@@ -8,7 +8,7 @@ namespace {
 
 // Starts dreamt of at once: enough columns for fast products, few enough that the
 // activations of a block stay near the processor.
-constexpr Index kStartsPerBlock = 64;
+constexpr Index kStartsPerBlock = 256;
 
 }  // namespace
 
