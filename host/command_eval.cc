@@ -4,6 +4,7 @@
 #include <map>
 
 #include "commands.h"
+#include "episode.h"
 #include "options.h"
 #include "probe.h"
 #include "progress.h"
@@ -14,8 +15,6 @@
 
 namespace dreamsearch {
 namespace {
-
-constexpr double kProbeTimeoutSeconds = 120;
 
 std::string Printf(const char* format, double value) {
   char text[64];
@@ -74,15 +73,9 @@ std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
 // Sums over the episodes of one task, planner and model.
 struct Figures {
   std::vector<double> returns;
-  double not_finite = 0, decisions = 0, plan_us = 0, transitions = 0;
+  double decisions = 0, plan_us = 0, transitions = 0;
   std::size_t runs = 0, finished = 0;
 };
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return sum / static_cast<double>(values.size());
-}
 
 // Standard deviation of the mean, from the sample's.
 double StandardError(const std::vector<double>& values) {
@@ -112,11 +105,7 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
       figures.decisions += decisions;
       figures.plan_us += decisions * episode.plan_us_mean;
       figures.transitions += static_cast<double>(episode.model_transitions);
-      if (episode.episode_return) {
-        figures.returns.push_back(*episode.episode_return);
-      } else {
-        ++figures.not_finite;
-      }
+      if (episode.episode_return) figures.returns.push_back(*episode.episode_return);
     }
   }
   TextTable text(0);

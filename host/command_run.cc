@@ -21,8 +21,6 @@
 namespace dreamsearch {
 namespace {
 
-constexpr double kProbeTimeoutSeconds = 120;
-
 const char* ActionText(Action action) {
   switch (action) {
     case Action::kStart: return "start";

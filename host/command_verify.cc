@@ -16,8 +16,6 @@ namespace po = boost::program_options;
 
 namespace {
 
-constexpr double kProbeTimeoutSeconds = 120;
-
 constexpr char kHelp[] =
     "runner verify RUN [--db FILE]\n\n"
     "Runs a finished run, training or evaluation, again from its stored settings and\n"

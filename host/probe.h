@@ -33,6 +33,9 @@ struct ProbeResult {
   RunCosts costs;  // zero unless measured
 };
 
+// What every command grants a probe.
+inline constexpr double kProbeTimeoutSeconds = 120;
+
 // Throws RunnerError with the child's message and exit code; 71 if it crashed or
 // took longer than `timeout_seconds` of wall time.
 ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds);

@@ -58,6 +58,13 @@ std::vector<CsvRow> ParseCsv(const std::string& path, const std::string& bytes) 
   return rows;
 }
 
+void CheckFieldCount(const std::string& path, const CsvRow& header, const CsvRow& row) {
+  if (row.fields.size() == header.fields.size()) return;
+  Malformed(path, std::to_string(row.line),
+            "expected " + std::to_string(header.fields.size()) + " fields, found " +
+                std::to_string(row.fields.size()));
+}
+
 double ParseReal(const std::string& path, const std::string& where, const std::string& text,
                  const char* what) {
   double value = 0;
@@ -106,11 +113,7 @@ std::vector<PublishedPoint> ParseScores(const std::string& path, const std::vect
   std::vector<PublishedPoint> points;
   for (std::size_t r = 1; r < rows.size(); ++r) {
     const std::string where = std::to_string(rows[r].line);
-    if (rows[r].fields.size() != rows[0].fields.size()) {
-      Malformed(path, where,
-                "expected " + std::to_string(rows[0].fields.size()) + " fields, found " +
-                    std::to_string(rows[r].fields.size()));
-    }
+    CheckFieldCount(path, rows[0], rows[r]);
     const auto field = [&](const char* name) -> std::string {
       const auto found = columns.find(name);
       return found == columns.end() ? "" : rows[r].fields[found->second];
@@ -150,11 +153,7 @@ std::vector<PublishedPoint> ParseTdmpc(const std::string& path, const std::vecto
   std::vector<PublishedPoint> points;
   for (std::size_t r = 1; r < rows.size(); ++r) {
     const std::string where = std::to_string(rows[r].line);
-    if (rows[r].fields.size() != rows[0].fields.size()) {
-      Malformed(path, where,
-                "expected " + std::to_string(rows[0].fields.size()) + " fields, found " +
-                    std::to_string(rows[r].fields.size()));
-    }
+    CheckFieldCount(path, rows[0], rows[r]);
     PublishedPoint point;
     point.source = Or(settings.source, method);
     point.method = Or(settings.method, method);
