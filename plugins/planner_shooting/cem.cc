@@ -101,7 +101,8 @@ class Cem final : public ShootingPlanner {
         for (const std::uint32_t i : elites) {
           variance += (actions(i, j) - mean) * (actions(i, j) - mean) / count;
         }
-        mean_[t * size + j] = mean;
+        // A mean of ones may round to more than one.
+        mean_[t * size + j] = std::clamp(mean, -1.0, 1.0);
         std_[t * size + j] = std::sqrt(variance);
       }
     }

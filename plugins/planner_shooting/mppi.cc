@@ -171,7 +171,8 @@ class Mppi final : public ShootingPlanner {
           const double offset = actions(elites[i], j) - mean;
           variance += weights_[i] * offset * offset;
         }
-        mean_[t * size + j] = mean;
+        // A mean of ones may round to more than one.
+        mean_[t * size + j] = std::clamp(mean, -1.0, 1.0);
         std_[t * size + j] = std::clamp(std::sqrt(variance), min_std_, max_std_);
       }
     }

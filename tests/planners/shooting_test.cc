@@ -218,6 +218,31 @@ TEST(Mppi, NoiseOnlyWhenExploringAndAsWideAsThePlan) {
   EXPECT_NEAR(std::sqrt(squares), 0.2, 5 * 0.2 / std::sqrt(2.0 * kDecisions));
 }
 
+// Elites that are all at the bound, in numbers whose weights add up to more than one.
+TEST(Shooting, MeansStayInsideTheBounds) {
+  ScriptedModel model;
+  model.transition = [](const ScriptedState& state, ScriptedModel::Action action) {
+    ScriptedTransition step;
+    step.next = state;
+    for (std::uint64_t j = 0; j < action.size; ++j) step.reward += action[j];
+    return step;
+  };
+  for (int elites = 2; elites <= 64; ++elites) {
+    LoadedPlanner cem("cem", &model,
+                      {{"candidates", 1000}, {"elites", elites}, {"initial_std", 10.0}});
+    LoadedPlanner mppi("mppi", &model,
+                       {{"elites", elites}, {"max_std", 10.0}, {"play", "mean"}});
+    for (LoadedPlanner* planner : {&cem, &mppi}) {
+      const Decision decision = planner->Plan(AsLatents(kRoot));
+      ASSERT_TRUE(decision.status.ok());
+      for (const double a : decision.action) {
+        EXPECT_LE(a, 1.0);
+        EXPECT_GT(a, 0.9);
+      }
+    }
+  }
+}
+
 TEST(Shooting, RefusesSettingsThatDoNotGoTogether) {
   ScriptedModel model = Counter(1);
   EXPECT_THROW(LoadedPlanner("cem", &model, {{"candidates", 10}, {"elites", 11}}),
