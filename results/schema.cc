@@ -267,6 +267,9 @@ SELECT r.run_id, substr(r.uuid, 1, 8) AS uuid, s.name AS study, t.name AS task, 
        r.exit_code, r.error, r.config_id, r.parent_run_id, r.created_utc, r.ended_utc
 FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id);
 
+-- Here and below, a run that trains: it has no parent and a budget of environment steps. The
+-- others are evaluations, of a trained run or of a planner on the true dynamics.
+--
 -- CROSS JOIN keeps this order: of the few runs only those asked for, then their bins.
 CREATE VIEW v_curve_run AS
 SELECT s.name AS study, t.name AS task, r.planner, b.phase, b.env_step_bin,
@@ -274,7 +277,7 @@ SELECT s.name AS study, t.name AS task, r.planner, b.phase, b.env_step_bin,
        b.env_step_bin * 10000 AS env_step, r.model, r.config_id, r.action_repeat
 FROM run r CROSS JOIN study s ON s.study_id = r.study_id CROSS JOIN task t ON t.task_id = r.task_id
      CROSS JOIN curve_bin b ON b.run_id = r.run_id
-WHERE r.parent_run_id IS NULL AND b.n > 0;
+WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0 AND b.n > 0;
 
 -- Seeds are averaged, other things never: runs that differ in model, configuration
 -- or action repeat make rows of their own.
@@ -293,7 +296,7 @@ SELECT s.name AS study, t.name AS task, r.planner, e.phase, r.seed, avg(e.episod
 FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
      JOIN episode e ON e.run_id = r.run_id AND e.phase IN (1, 2)
                        AND 10 * e.env_step > 9 * r.env_steps_target
-WHERE r.parent_run_id IS NULL
+WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0
 GROUP BY r.run_id, e.phase;
 
 -- Seconds of a run, averaged over its seeds.
@@ -304,12 +307,12 @@ SELECT s.name AS study, t.name AS task, r.planner, u.activity, avg(u.seconds) AS
 FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
      JOIN time_use u ON u.run_id = r.run_id AND u.env_step =
        (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)
-WHERE r.parent_run_id IS NULL
+WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0
 GROUP BY s.name, t.name, r.planner, r.model, r.config_id, u.activity;
 
 -- Every task, planner and seed that occurs in a study, with what became of it.
 CREATE VIEW v_matrix AS
-WITH main AS (SELECT * FROM run WHERE parent_run_id IS NULL),
+WITH main AS (SELECT * FROM run WHERE parent_run_id IS NULL AND env_steps_target > 0),
      cell AS (SELECT * FROM (SELECT DISTINCT study_id, task_id FROM main)
               JOIN (SELECT DISTINCT study_id, planner, model FROM main) USING (study_id)
               JOIN (SELECT DISTINCT study_id, seed FROM main) USING (study_id))
@@ -349,6 +352,7 @@ const std::vector<std::string>& Migrations() {
       std::string(kTables) + kTriggers + kViews,
       kRecordDigests,
       std::string(kDropViews) + kViews,
+      std::string(kDropViews) + kViews,  // Evaluations without a parent left the views.
   };
   return migrations;
 }
