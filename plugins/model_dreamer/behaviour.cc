@@ -9,6 +9,8 @@ namespace {
 // Starts dreamt of at once: enough columns for fast products, few enough that the
 // activations of a block stay near the processor.
 constexpr Index kStartsPerBlock = 256;
+// Lanes get whole units of starts, which fill the tile unit.
+constexpr Index kStartsPerUnit = 32;
 
 }  // namespace
 
@@ -61,8 +63,7 @@ Behaviour<T>::Behaviour(const Settings& settings, Index action_size)
 }
 
 template <typename T>
-void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed,
-                            Rounding rounding) {
+void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding) {
   actor_group_.Allocate(actor_seed, rounding);
   value_group_.Allocate(value_seed, rounding);
   if (rounding.training) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
@@ -91,45 +92,90 @@ void Behaviour<T>::UpdateSlow() {
 }
 
 template <typename T>
-void Behaviour<T>::Dream(const DreamInput<T>& input, WorldModel<T>* world, DreamLosses* losses) {
+Index Behaviour<T>::BeginDream(const DreamInput<T>& input) {
+  input_ = input;
   const Index starts = input.starts.cols;
-  const Index blocks = (starts + kStartsPerBlock - 1) / kStartsPerBlock;
-  const Index size = (starts + blocks - 1) / blocks;
   returns_.resize(static_cast<std::size_t>(starts * settings_.horizon));
-  *losses = DreamLosses();
-  for (Index first = 0; first < starts; first += size) {
-    DreamBlock(input, first, std::min(size, starts - first), world, losses);
+  const Index units = (starts + kStartsPerUnit - 1) / kStartsPerUnit;
+  lanes_ = std::min(units, static_cast<Index>(lane_.size()));
+  for (Index i = 0; i < lanes_; ++i) {
+    DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
+    lane.first = i * units / lanes_ * kStartsPerUnit;
+    lane.count = std::min((i + 1) * units / lanes_ * kStartsPerUnit, starts) - lane.first;
   }
-  const double mean = 1.0 / static_cast<double>(starts * settings_.horizon);
+  return lanes_;
+}
+
+template <typename T>
+void Behaviour<T>::DreamIn(Index index, const WorldModel<T>& world) {
+  DreamLane<T>& lane = lane_[static_cast<std::size_t>(index)];
+  SetZero(lane.actor_gradient.Shape(actor_group_.size(), 1));
+  SetZero(lane.value_gradient.Shape(value_group_.size(), 1));
+  lane.losses = DreamLosses();
+  const Index blocks = (lane.count + kStartsPerBlock - 1) / kStartsPerBlock;
+  for (Index i = 0; i < blocks; ++i) {
+    const Index first = i * lane.count / blocks;
+    DreamBlock(lane.first + first, (i + 1) * lane.count / blocks - first, world, &lane);
+  }
+}
+
+template <typename T>
+void Behaviour<T>::EndDream(DreamLosses* losses) {
+  *losses = DreamLosses();
+  for (Index i = 0; i < lanes_; ++i) {
+    const DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
+    const auto add = [](ParameterGroup<T>& group, const Buffer<T>& gradient) {
+      Add<T>(Mat<const T>(gradient.data(), group.size(), 1),
+             Mat<T>(group.gradient(), group.size(), 1));
+    };
+    add(actor_group_, lane.actor_gradient);
+    add(value_group_, lane.value_gradient);
+    losses->actor += lane.losses.actor;
+    losses->value += lane.losses.value;
+    losses->imagined_return += lane.losses.imagined_return;
+    losses->value_mean += lane.losses.value_mean;
+    losses->entropy += lane.losses.entropy;
+    losses->actor_std += lane.losses.actor_std;
+  }
+  const auto starts = static_cast<double>(input_.starts.cols);
+  const double mean = 1.0 / (starts * static_cast<double>(settings_.horizon));
   losses->actor *= mean;
   losses->value *= mean;
-  losses->imagined_return /= static_cast<double>(starts);
+  losses->imagined_return /= starts;
   losses->value_mean *= mean;
   losses->entropy *= mean;
   losses->actor_std *= mean;
 }
 
 template <typename T>
-void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
-                              WorldModel<T>* world, DreamLosses* losses) {
+void Behaviour<T>::DreamBlock(Index first, Index m, const WorldModel<T>& world,
+                              DreamLane<T>* lane) {
+  const DreamInput<T>& input = input_;
+  DreamLosses* losses = &lane->losses;
   const Index horizon = settings_.horizon;
   const Index n = horizon * m;  // decisions of the block, tau-major
   const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
-  const Mat<const T> latent_noise = input.latent_noise.Cols(first * horizon, n);
-  const Mat<const T> action_noise = input.action_noise.Cols(first * horizon, n);
-  const Weights<T> actor = actor_group_.training();
-  const Weights<T> value = value_group_.training();
-  const Weights<T> model = world->group().training();
+  const auto latent_noise = [&](Index tau) {
+    return input.latent_noise.Cols(tau * input.starts.cols + first, m);
+  };
+  const Mat<T> action_noise = lane->action_noise.Shape(a_, n);
+  for (Index tau = 0; tau < horizon; ++tau) {
+    Copy<T>(input.action_noise.Cols(tau * input.starts.cols + first, m),
+            action_noise.Cols(tau * m, m));
+  }
+  const Weights<T> actor = actor_group_.training(&lane->rounded_scratch);
+  const Weights<T> value = value_group_.training(&lane->rounded_scratch);
+  const Weights<T> model = world.group().training(&lane->rounded_scratch);
 
   // Forward.
-  const Mat<T> states = states_.Shape(settings_.state_size(), n + m);
-  const Mat<T> raw = raw_.Shape(2 * a_, n);
-  const Mat<T> squashed = squashed_.Shape(a_, n);
-  const Mat<T> std = std_.Shape(a_, n);
-  const Mat<T> actions = actions_.Shape(a_, n);
-  const Mat<T> entropy = entropy_.Shape(1, n);
-  actor_.Reserve(n, &actor_tape_);
-  world->Reserve(n, &transitions_);
+  const Mat<T> states = lane->states.Shape(settings_.state_size(), n + m);
+  const Mat<T> raw = lane->raw.Shape(2 * a_, n);
+  const Mat<T> squashed = lane->squashed.Shape(a_, n);
+  const Mat<T> std = lane->std.Shape(a_, n);
+  const Mat<T> actions = lane->actions.Shape(a_, n);
+  const Mat<T> entropy = lane->entropy.Shape(1, n);
+  actor_.Reserve(n, &lane->actor_tape);
+  world.Reserve(n, &lane->transitions);
   Copy<T>(input.starts.Cols(first, m), states.Cols(0, m));
   for (Index tau = 0; tau < horizon; ++tau) {
     const Index at = tau * m;
@@ -137,33 +183,33 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
     const In<T> seen = input.stops == nullptr
                            ? In<T>(now)
                            : In<T>(input.stops->states.data() + at * now.rows, now.rows, m);
-    actor_.Forward(actor, seen, at, &actor_tape_, raw.Cols(at, m));
+    actor_.Forward(actor, seen, at, &lane->actor_tape, raw.Cols(at, m));
     ActorForward<T>(raw.Cols(at, m), action_noise.Cols(at, m), shape_, squashed.Cols(at, m),
                     std.Cols(at, m), actions.Cols(at, m), entropy.Cols(at, m));
-    world->Step(model, now, actions.Cols(at, m), latent_noise.Cols(at, m), at, &transitions_,
-                states.Cols(at + m, m));
+    world.Step(model, now, actions.Cols(at, m), latent_noise(tau), at, &lane->transitions,
+               states.Cols(at + m, m));
   }
   const Mat<T> arrived = states.Cols(m, n);
-  const Mat<T> rewards = rewards_.Shape(1, n);
-  world->Reward(model, arrived, &reward_tape_, rewards);
-  const Mat<T> discounts = discounts_.Shape(1, n);
+  const Mat<T> rewards = lane->rewards.Shape(1, n);
+  world.Reward(model, arrived, &lane->reward_tape, rewards);
+  const Mat<T> discounts = lane->discounts.Shape(1, n);
   if (settings_.continuation) {
-    const Mat<T> logits = logits_.Shape(1, n);
-    world->Continuation(model, arrived, &continuation_tape_, logits);
+    const Mat<T> logits = lane->logits.Shape(1, n);
+    world.Continuation(model, arrived, &lane->continuation_tape, logits);
     Sigmoid<T>(logits, discounts);
   } else {
     std::fill(discounts.data, discounts.data + n, static_cast<T>(settings_.discount));
   }
-  const Mat<T> outputs = outputs_.Shape(1, n + m);
-  value_.Reserve(n + m, &value_tape_);
-  value_.Forward(value, In<T>(states), 0, &value_tape_, outputs);
+  const Mat<T> outputs = lane->outputs.Shape(1, n + m);
+  value_.Reserve(n + m, &lane->value_tape);
+  value_.Forward(value, In<T>(states), 0, &lane->value_tape, outputs);
   const T scale = static_cast<T>(settings_.value_scale);
-  const Mat<T> values = values_.Shape(1, n + m);
+  const Mat<T> values = lane->values.Shape(1, n + m);
   for (Index j = 0; j < n + m; ++j) values(0, j) = scale * outputs(0, j);
   T* returns = returns_.data() + first * horizon;
   const T lambda = static_cast<T>(settings_.lambda);
   LambdaReturns(horizon, m, lambda, rewards.data, discounts.data, values.data, returns);
-  const Mat<T> weights = weights_.Shape(1, n);
+  const Mat<T> weights = lane->weights.Shape(1, n);
   std::fill(weights.data, weights.data + m, T(1));
   for (Index j = m; j < n; ++j) weights(0, j) = weights(0, j - m) * discounts(0, j - m);
   const T* targets = returns;
@@ -171,14 +217,12 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
     std::copy(input.stops->weights.begin(), input.stops->weights.end(), weights.data);
     targets = input.stops->targets.data();
   }
-  block_first_ = first * horizon;
-  block_size_ = n;
 
   // The actor, through critic, reward model and dynamics.
   const T inverse_scale = static_cast<T>(1 / input.return_scale);
   const T bonus = static_cast<T>(settings_.entropy_scale);
-  const Mat<T> d_returns = d_returns_.Shape(1, n);
-  const Mat<T> entropy_weights = entropy_weights_.Shape(1, n);
+  const Mat<T> d_returns = lane->d_returns.Shape(1, n);
+  const Mat<T> entropy_weights = lane->entropy_weights.Shape(1, n);
   for (Index j = 0; j < n; ++j) {
     const T w = weights(0, j);
     losses->actor -= static_cast<double>(w * (returns[j] * inverse_scale + bonus * entropy(0, j)));
@@ -193,43 +237,43 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
     for (Index i = 0; i < a_; ++i) column += std(i, j);
     losses->actor_std += static_cast<double>(column / static_cast<T>(a_));
   }
-  const Mat<T> d_rewards = d_rewards_.Shape(1, n);
-  const Mat<T> d_discounts = d_discounts_.Shape(1, n);
-  const Mat<T> d_values = d_values_.Shape(1, n + m);
+  const Mat<T> d_rewards = lane->d_rewards.Shape(1, n);
+  const Mat<T> d_discounts = lane->d_discounts.Shape(1, n);
+  const Mat<T> d_values = lane->d_values.Shape(1, n + m);
   LambdaReturnsBackward(horizon, m, lambda, discounts.data, values.data, returns, d_returns.data,
                         d_rewards.data, d_discounts.data, d_values.data);
   for (Index j = 0; j < n + m; ++j) d_values(0, j) *= scale;
-  const Mat<T> d_states = d_states_.Shape(settings_.state_size(), n + m);
+  const Mat<T> d_states = lane->d_states.Shape(settings_.state_size(), n + m);
   SetZero(d_states);
   const Mat<T> d_arrived = d_states.Cols(m, n);
-  world->RewardBackward(model, arrived, reward_tape_, d_rewards, &scratch_, d_arrived);
+  world.RewardBackward(model, arrived, lane->reward_tape, d_rewards, &lane->scratch, d_arrived);
   if (settings_.continuation) {
     for (Index j = 0; j < n; ++j) d_discounts(0, j) *= discounts(0, j) * (T(1) - discounts(0, j));
-    world->ContinuationBackward(model, arrived, continuation_tape_, d_discounts, &scratch_,
-                                d_arrived);
+    world.ContinuationBackward(model, arrived, lane->continuation_tape, d_discounts, &lane->scratch,
+                               d_arrived);
   }
-  value_.Backward(value, In<T>(arrived), m, value_tape_, In<T>(d_values.Cols(m, n)), &scratch_,
-                  static_cast<T*>(nullptr), d_arrived);
-  const Mat<T> d_actions = d_actions_.Shape(a_, n);
+  value_.Backward(value, In<T>(arrived), m, lane->value_tape, In<T>(d_values.Cols(m, n)),
+                  &lane->scratch, static_cast<T*>(nullptr), d_arrived);
+  const Mat<T> d_actions = lane->d_actions.Shape(a_, n);
   for (Index tau = horizon; tau-- > 0;) {
     const Index at = tau * m;
-    world->StepBackward(model, states.Cols(at, m), states.Cols(at + m, m), latent_noise.Cols(at, m),
-                        at, transitions_, d_states.Cols(at + m, m),
-                        tau > 0 ? d_states.Cols(at, m) : Mat<T>(), d_actions.Cols(at, m));
+    world.StepBackward(model, states.Cols(at, m), states.Cols(at + m, m), latent_noise(tau), at,
+                       &lane->transitions, d_states.Cols(at + m, m),
+                       tau > 0 ? d_states.Cols(at, m) : Mat<T>(), d_actions.Cols(at, m));
   }
-  const Mat<T> d_raw = d_raw_.Shape(2 * a_, n);
+  const Mat<T> d_raw = lane->d_raw.Shape(2 * a_, n);
   ActorBackward<T>(squashed, std, actions, action_noise, shape_, d_actions, entropy_weights, d_raw);
   const Mat<T> left = states.Cols(0, n);
-  actor_.Backward(actor, In<T>(left), 0, actor_tape_, In<T>(d_raw), &scratch_,
-                  actor_group_.gradient(), Mat<T>());
+  actor_.Backward(actor, In<T>(left), 0, lane->actor_tape, In<T>(d_raw), &lane->scratch,
+                  lane->actor_gradient.data(), Mat<T>());
 
   // The critic.
   const T slow_weight = static_cast<T>(settings_.slow_critic_weight);
-  const Mat<T> slow = slow_outputs_.Shape(1, n);
+  const Mat<T> slow = lane->slow_outputs.Shape(1, n);
   if (slow_weight > 0) {
-    value_.Reserve(n, &slow_tape_);
-    value_.Forward(Weights<T>{slow_.data(), slow_rounded_.get()}, In<T>(left), 0, &slow_tape_,
-                   slow);
+    value_.Reserve(n, &lane->slow_tape);
+    value_.Forward(Weights<T>{slow_.data(), slow_rounded_.get(), &lane->rounded_scratch},
+                   In<T>(left), 0, &lane->slow_tape, slow);
   }
   for (Index j = 0; j < n; ++j) {
     const T error = outputs(0, j) - targets[j] / scale;
@@ -239,22 +283,23 @@ void Behaviour<T>::DreamBlock(const DreamInput<T>& input, Index first, Index m,
         static_cast<double>(w * T(0.5) * (error * error + slow_weight * drift * drift));
     d_values(0, j) = w * mean * (error + slow_weight * drift);
   }
-  value_.Backward(value, In<T>(left), 0, value_tape_, In<T>(d_values.Cols(0, n)), &scratch_,
-                  value_group_.gradient(), Mat<T>());
+  value_.Backward(value, In<T>(left), 0, lane->value_tape, In<T>(d_values.Cols(0, n)),
+                  &lane->scratch, lane->value_gradient.data(), Mat<T>());
 }
 
 template <typename T>
 DreamStops<T> Behaviour<T>::Stops() const {
-  const T* returns = returns_.data() + block_first_;
-  return {{states_.data(), states_.data() + block_size_ * settings_.state_size()},
-          {weights_.data(), weights_.data() + block_size_},
-          {returns, returns + block_size_}};
+  const DreamLane<T>& lane = lane_[0];
+  const Index n = lane.count * settings_.horizon;
+  return {{lane.states.data(), lane.states.data() + n * settings_.state_size()},
+          {lane.weights.data(), lane.weights.data() + n},
+          returns_};
 }
 
 template <typename T>
 void Behaviour<T>::Value(In<T> states, Mat<T> values) {
   value_.Reserve(states.cols, &value_tape_);
-  value_.Forward(value_group_.planning(), states, 0, &value_tape_, values);
+  value_.Forward(value_group_.planning(&rounded_scratch_), states, 0, &value_tape_, values);
   const T scale = static_cast<T>(settings_.value_scale);
   for (Index j = 0; j < states.cols; ++j) values(0, j) *= scale;
 }
@@ -264,7 +309,7 @@ void Behaviour<T>::Act(In<T> states, In<T> noise, Mat<T> actions) {
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.planning(), states, 0, &actor_tape_, raw);
+  actor_.Forward(actor_group_.planning(&rounded_scratch_), states, 0, &actor_tape_, raw);
   ActorForward<T>(raw, noise, shape_, squashed_.Shape(a_, n), std_.Shape(a_, n), actions, Mat<T>());
 }
 
@@ -273,8 +318,8 @@ void Behaviour<T>::Sample(In<T> states, Index count, In<T> noise, Mat<T> actions
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.planning(), states, 0, &actor_tape_, raw);
-  const Mat<T> repeated = d_raw_.Shape(2 * a_, n * count);
+  actor_.Forward(actor_group_.planning(&rounded_scratch_), states, 0, &actor_tape_, raw);
+  const Mat<T> repeated = repeated_.Shape(2 * a_, n * count);
   for (Index i = 0; i < n; ++i) {
     for (Index k = 0; k < count; ++k) Copy<T>(raw.Cols(i, 1), repeated.Cols(i * count + k, 1));
   }

@@ -14,6 +14,7 @@
 // the frozen world model and critic. v(s) leaves out the reward for arriving at s.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <vector>
 
@@ -57,15 +58,32 @@ struct DreamStops {
   std::vector<T> targets;  // [H * m]
 };
 
-// Starts and draws of a dream. Dreams run in blocks of starts; the noise of the
-// block that begins at start i begins at column i * H, tau-major inside.
+// Starts and draws of a dream; the noise of start i at tau is column tau * K + i.
 template <typename T>
 struct DreamInput {
   Mat<const T> starts;                   // [Z + D, K]
   Mat<const T> latent_noise;             // [Z, K * H]
   Mat<const T> action_noise;             // [A, K * H]
   double return_scale = 1;               // S
-  const DreamStops<T>* stops = nullptr;  // hold these fixed; of a dream of one block
+  const DreamStops<T>* stops = nullptr;  // hold these fixed; of a dream in one block
+};
+
+// A share of a dream's starts: the memory to dream of them, their losses and their
+// gradients. Lanes share nothing that is written, so each may have a thread.
+template <typename T>
+struct DreamLane {
+  Index first = 0;  // start
+  Index count = 0;
+  DreamLosses losses;  // sums
+  Buffer<T> actor_gradient, value_gradient;
+
+  TransitionTape<T> transitions;
+  MlpTape<T> actor_tape, value_tape, slow_tape, reward_tape, continuation_tape;
+  MlpScratch<T> scratch;
+  Bfloat16Scratch rounded_scratch;
+  Buffer<T> states, action_noise, raw, squashed, std, actions, entropy, rewards, logits, discounts,
+      values, outputs, slow_outputs, weights, d_states, d_returns, d_rewards, d_discounts, d_values,
+      d_actions, d_raw, entropy_weights;
 };
 
 template <typename T>
@@ -89,12 +107,17 @@ class Behaviour {
   // Remakes the rounded weights, the slow critic's too.
   void Round();
 
-  // Adds the gradients of both losses to the groups'.
-  void Dream(const DreamInput<T>& input, WorldModel<T>* world, DreamLosses* losses);
-  // V_tau of the last Dream, [K * H], in blocks as the noise.
+  // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
+  // starts out and returns how many lanes there are; DreamIn dreams in one of them,
+  // in any order and at the same time as in others; EndDream adds the gradients of both
+  // losses to the groups', lane by lane. `input` lives until then.
+  Index BeginDream(const DreamInput<T>& input);
+  void DreamIn(Index lane, const WorldModel<T>& world);
+  void EndDream(DreamLosses* losses);
+  // V_tau of the last dream, [K * H]; tau-major in each block of starts.
   const std::vector<T>& returns() const { return returns_; }
 
-  // The constants of the last block.
+  // The constants of a dream in one block.
   DreamStops<T> Stops() const;
 
   // values: [1, n], in the units of rewards.
@@ -105,8 +128,7 @@ class Behaviour {
   void Sample(In<T> states, Index count, In<T> noise, Mat<T> actions);
 
  private:
-  void DreamBlock(const DreamInput<T>& input, Index first, Index count, WorldModel<T>* world,
-                  DreamLosses* losses);
+  void DreamBlock(Index first, Index count, const WorldModel<T>& world, DreamLane<T>* lane);
 
   Settings settings_;
   Index a_;
@@ -117,14 +139,15 @@ class Behaviour {
   std::vector<T> slow_;
   std::unique_ptr<Bfloat16Weights> slow_rounded_;
   std::vector<T> returns_;
-  Index block_first_ = 0, block_size_ = 0;  // decisions of the last block
 
-  TransitionTape<T> transitions_;
-  MlpTape<T> actor_tape_, value_tape_, slow_tape_, reward_tape_, continuation_tape_;
-  MlpScratch<T> scratch_;
-  Buffer<T> states_, raw_, squashed_, std_, actions_, entropy_, rewards_, logits_, discounts_,
-      values_, outputs_, slow_outputs_, weights_, d_states_, d_returns_, d_rewards_, d_discounts_,
-      d_values_, d_actions_, d_raw_, entropy_weights_;
+  DreamInput<T> input_;
+  Index lanes_ = 0;  // in use
+  std::array<DreamLane<T>, 6> lane_;
+
+  // What planners ask for.
+  MlpTape<T> actor_tape_, value_tape_;
+  Bfloat16Scratch rounded_scratch_;
+  Buffer<T> raw_, repeated_, squashed_, std_;
 };
 
 }  // namespace dreamsearch::dreamer

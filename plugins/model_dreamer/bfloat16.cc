@@ -268,8 +268,7 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
       }
       if (two_left && two_right) {
         _tile_stored(3, edge[3], 64);
-        WriteEdge(edge[3], c.col(i + 16) + j + 16, c.stride, c.cols - i - 16,
-                  c.rows - j - 16);
+        WriteEdge(edge[3], c.col(i + 16) + j + 16, c.stride, c.cols - i - 16, c.rows - j - 16);
       }
     }
   }
@@ -361,6 +360,11 @@ TILE_TARGET void MultiplyColumns(const std::uint16_t* tiles, Start start, const 
   EndTiles();
 }
 
+// Two rows of left tiles, as many as MultiplyColumns rounds at once.
+std::uint16_t* Samples(Index rows, Bfloat16Scratch* scratch) {
+  return scratch->left.Reserve(2 * Blocks(rows, kDepth) * kTile);
+}
+
 bool AskForTiles() {
   unsigned a = 0, b = 0, c = 0, d = 0;
   if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
@@ -405,41 +409,43 @@ void Bfloat16Weights::Pack(const float* values) {
   }
 }
 
-void Bfloat16Weights::AddProduct(Index part, Mat<const float> x, Mat<float> y) {
+void Bfloat16Weights::AddProduct(Index part, Mat<const float> x, Mat<float> y,
+                                 Bfloat16Scratch* scratch) const {
   const Packed& packed = parts_[static_cast<std::size_t>(part)];
-  MultiplyColumns(tiles_.data() + packed.forward, Start::kSum, nullptr, x, y, Scratch(x.rows));
+  MultiplyColumns(tiles_.data() + packed.forward, Start::kSum, nullptr, x, y,
+                  Samples(x.rows, scratch));
 }
 
-void Bfloat16Weights::SetProduct(Index part, const float* bias, Mat<const float> x, Mat<float> y) {
+void Bfloat16Weights::SetProduct(Index part, const float* bias, Mat<const float> x, Mat<float> y,
+                                 Bfloat16Scratch* scratch) const {
   const Packed& packed = parts_[static_cast<std::size_t>(part)];
-  MultiplyColumns(tiles_.data() + packed.forward, Start::kBias, bias, x, y, Scratch(x.rows));
+  MultiplyColumns(tiles_.data() + packed.forward, Start::kBias, bias, x, y,
+                  Samples(x.rows, scratch));
 }
 
-void Bfloat16Weights::AddTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx) {
+void Bfloat16Weights::AddTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx,
+                                           Bfloat16Scratch* scratch) const {
   const Packed& packed = parts_[static_cast<std::size_t>(part)];
   MultiplyColumns(tiles_.data() + packed.transposed, Start::kSum, nullptr, dy, dx,
-                  Scratch(dy.rows));
+                  Samples(dy.rows, scratch));
 }
 
-void Bfloat16Weights::SetTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx) {
+void Bfloat16Weights::SetTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx,
+                                           Bfloat16Scratch* scratch) const {
   const Packed& packed = parts_[static_cast<std::size_t>(part)];
   MultiplyColumns(tiles_.data() + packed.transposed, Start::kZero, nullptr, dy, dx,
-                  Scratch(dy.rows));
+                  Samples(dy.rows, scratch));
 }
 
-std::uint16_t* Bfloat16Weights::Scratch(Index rows) {
-  return left_.Reserve(2 * Blocks(rows, kDepth) * kTile);
-}
-
-TILE_TARGET void Bfloat16Weights::AddOuterProduct(Mat<const float> dy, Mat<const float> x,
-                                                  Mat<float> dw) {
+TILE_TARGET void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw,
+                                        Bfloat16Scratch* scratch) {
   // dw^T [in, out] += x [in, n] dy^T [n, out].
   BeginTiles();
   for (Index first = 0; first < x.cols; first += kSamplesPerChunk) {
     const Index n = std::min(kSamplesPerChunk, x.cols - first);
     const Index depth = Blocks(n, kDepth);
-    std::uint16_t* left = left_.Reserve(Blocks(x.rows, kRows) * depth * kTile);
-    std::uint16_t* right = right_.Reserve(Blocks(dy.rows, kRows) * depth * kTile);
+    std::uint16_t* left = scratch->left.Reserve(Blocks(x.rows, kRows) * depth * kTile);
+    std::uint16_t* right = scratch->right.Reserve(Blocks(dy.rows, kRows) * depth * kTile);
     PackLeftOfRows(x.Cols(first, n), left);
     PackRight(dy.Cols(first, n), right);
     MultiplyTiles(left, right, depth, Start::kSum, nullptr, dw);
@@ -452,12 +458,14 @@ TILE_TARGET void Bfloat16Weights::AddOuterProduct(Mat<const float> dy, Mat<const
 bool Bfloat16Available() { return false; }
 Bfloat16Weights::Bfloat16Weights(const std::vector<WeightPart>&) {}
 void Bfloat16Weights::Pack(const float*) {}
-void Bfloat16Weights::AddProduct(Index, Mat<const float>, Mat<float>) {}
-void Bfloat16Weights::AddTransposedProduct(Index, Mat<const float>, Mat<float>) {}
-void Bfloat16Weights::SetProduct(Index, const float*, Mat<const float>, Mat<float>) {}
-void Bfloat16Weights::SetTransposedProduct(Index, Mat<const float>, Mat<float>) {}
-std::uint16_t* Bfloat16Weights::Scratch(Index) { return nullptr; }
-void Bfloat16Weights::AddOuterProduct(Mat<const float>, Mat<const float>, Mat<float>) {}
+void Bfloat16Weights::AddProduct(Index, Mat<const float>, Mat<float>, Bfloat16Scratch*) const {}
+void Bfloat16Weights::AddTransposedProduct(Index, Mat<const float>, Mat<float>,
+                                           Bfloat16Scratch*) const {}
+void Bfloat16Weights::SetProduct(Index, const float*, Mat<const float>, Mat<float>,
+                                 Bfloat16Scratch*) const {}
+void Bfloat16Weights::SetTransposedProduct(Index, Mat<const float>, Mat<float>,
+                                           Bfloat16Scratch*) const {}
+void AddRoundedOuterProduct(Mat<const float>, Mat<const float>, Mat<float>, Bfloat16Scratch*) {}
 
 #endif
 

@@ -27,7 +27,13 @@ struct WeightPart {
 
 inline constexpr Index kBiasOverrun = 16;
 
-// Rounded copies of a group's weights, and the memory that products need.
+// Memory for the rounded samples of a product: one product at a time.
+struct Bfloat16Scratch {
+  Buffer<std::uint16_t> left, right;
+};
+
+// Rounded copies of a group's weights. Several threads may multiply by them, each with
+// a scratch of its own.
 class Bfloat16Weights {
  public:
   explicit Bfloat16Weights(const std::vector<WeightPart>& parts);
@@ -36,18 +42,17 @@ class Bfloat16Weights {
   void Pack(const float* values);
 
   // y += w x and dx += w^T dy, with w the part.
-  void AddProduct(Index part, Mat<const float> x, Mat<float> y);
-  void AddTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx);
+  void AddProduct(Index part, Mat<const float> x, Mat<float> y, Bfloat16Scratch* scratch) const;
+  void AddTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx,
+                            Bfloat16Scratch* scratch) const;
   // y = w x + bias and dx = w^T dy. The bias may be read up to kBiasOverrun values
   // beyond its end.
-  void SetProduct(Index part, const float* bias, Mat<const float> x, Mat<float> y);
-  void SetTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx);
-  // dw += dy x^T.
-  void AddOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw);
+  void SetProduct(Index part, const float* bias, Mat<const float> x, Mat<float> y,
+                  Bfloat16Scratch* scratch) const;
+  void SetTransposedProduct(Index part, Mat<const float> dy, Mat<float> dx,
+                            Bfloat16Scratch* scratch) const;
 
  private:
-  std::uint16_t* Scratch(Index rows);
-
   struct Packed {
     WeightPart part;
     Index forward = 0;     // where the tiles of w begin
@@ -55,7 +60,10 @@ class Bfloat16Weights {
   };
   std::vector<Packed> parts_;
   Buffer<std::uint16_t> tiles_;
-  Buffer<std::uint16_t> left_, right_;
 };
+
+// dw += dy x^T, both factors rounded.
+void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw,
+                            Bfloat16Scratch* scratch);
 
 }  // namespace dreamsearch::dreamer

@@ -76,8 +76,8 @@ void Convert(MatrixView<const double> from, Mat<float> to) {
 View<const MetricSpec> DeclaredMetrics() { return {kMetrics, kMetricCount}; }
 
 Dreamer::Dreamer(const Settings& settings, Index observation_size, Index action_size,
-                 std::uint64_t seed)
-    : learner_(settings, observation_size, action_size, seed) {
+                 std::uint64_t seed, Index threads)
+    : learner_(settings, observation_size, action_size, seed, threads) {
   const auto bytes = static_cast<std::uint64_t>(settings.state_size()) * sizeof(float);
   latent_bytes_ = (bytes + kLatentAlignment - 1) / kLatentAlignment * kLatentAlignment;
 }
@@ -139,7 +139,7 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
     const Mat<float> rewards = rewards_.Shape(1, n);
     const Mat<float> logits = logits_.Shape(1, settings.continuation ? n : 0);
     WorldModel<float>& world = learner_.world();
-    const Weights<float> weights = world.group().planning();
+    const Weights<float> weights = world.group().planning(&rounded_scratch_);
     ForBlocks(n, [&](Index first, Index count) {
       const Mat<float> after = next.Cols(first, count);
       world.Reserve(count, &transitions_);
@@ -309,9 +309,9 @@ Status CreateDreamer(const ModelContext& context, Model** result) noexcept {
                  static_cast<unsigned long long>(context.action_size));
   }
   return Guarded("dreamer", [&] {
-    *result =
-        new Dreamer(SettingsFrom(context.parameters), static_cast<Index>(context.observation_size),
-                    static_cast<Index>(context.action_size), context.seed);
+    *result = new Dreamer(
+        SettingsFrom(context.parameters), static_cast<Index>(context.observation_size),
+        static_cast<Index>(context.action_size), context.seed, static_cast<Index>(context.threads));
     return OkStatus();
   });
 }

@@ -15,7 +15,8 @@ View<const MetricSpec> DeclaredMetrics();
 
 class Dreamer final : public Model {
  public:
-  Dreamer(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
+  Dreamer(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed,
+          Index threads = 1);
 
   std::uint64_t latent_bytes() const noexcept override { return latent_bytes_; }
   std::uint64_t action_size() const noexcept override {
@@ -52,6 +53,7 @@ class Dreamer final : public Model {
   std::uint64_t latent_bytes_;
   TransitionTape<float> transitions_;
   MlpTape<float> head_tape_, continuation_tape_;
+  Bfloat16Scratch rounded_scratch_;
   Buffer<float> actions_, observations_, states_, noise_, rewards_, logits_, values_;
 };
 

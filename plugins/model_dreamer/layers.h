@@ -37,7 +37,8 @@ struct Tensor {
 template <typename T>
 struct Weights {
   const T* values = nullptr;
-  Bfloat16Weights* rounded = nullptr;  // only for T = float; null: products in T
+  const Bfloat16Weights* rounded = nullptr;  // only for T = float; null: products in T
+  Bfloat16Scratch* scratch = nullptr;        // of the calling thread, where rounded is set
 };
 
 // Who computes products with factors rounded to bfloat16.
@@ -66,12 +67,12 @@ class ParameterGroup {
 
   // What to compute with: in T, as training does, as planning does. Round remakes
   // the rounded copies after the values have changed.
-  Weights<T> exact() const { return {values_.data(), nullptr}; }
-  Weights<T> training() const {
-    return {values_.data(), rounding_.training ? rounded_.get() : nullptr};
+  Weights<T> exact() const { return {values_.data(), nullptr, nullptr}; }
+  Weights<T> training(Bfloat16Scratch* scratch) const {
+    return {values_.data(), rounding_.training ? rounded_.get() : nullptr, scratch};
   }
-  Weights<T> planning() const {
-    return {values_.data(), rounding_.planning ? rounded_.get() : nullptr};
+  Weights<T> planning(Bfloat16Scratch* scratch) const {
+    return {values_.data(), rounding_.planning ? rounded_.get() : nullptr, scratch};
   }
   void Round();
 
@@ -127,7 +128,7 @@ class Affine {
   void Add(const Weights<T>& weights, std::size_t part, In<T> x, Mat<T> y) const {
     if constexpr (std::is_same_v<T, float>) {
       if (weights.rounded != nullptr) {
-        weights.rounded->AddProduct(parts_[part].number, x, y);
+        weights.rounded->AddProduct(parts_[part].number, x, y, weights.scratch);
         return;
       }
     }
@@ -138,7 +139,7 @@ class Affine {
   void AddTransposed(const Weights<T>& weights, std::size_t part, In<T> dy, Mat<T> dx) const {
     if constexpr (std::is_same_v<T, float>) {
       if (weights.rounded != nullptr) {
-        weights.rounded->AddTransposedProduct(parts_[part].number, dy, dx);
+        weights.rounded->AddTransposedProduct(parts_[part].number, dy, dx, weights.scratch);
         return;
       }
     }
@@ -149,7 +150,7 @@ class Affine {
   void SetTransposed(const Weights<T>& weights, std::size_t part, In<T> dy, Mat<T> dx) const {
     if constexpr (std::is_same_v<T, float>) {
       if (weights.rounded != nullptr) {
-        weights.rounded->SetTransposedProduct(parts_[part].number, dy, dx);
+        weights.rounded->SetTransposedProduct(parts_[part].number, dy, dx, weights.scratch);
         return;
       }
     }
@@ -161,7 +162,7 @@ class Affine {
   void AddOuter(const Weights<T>& weights, std::size_t part, In<T> x, In<T> dy, T* gradient) const {
     if constexpr (std::is_same_v<T, float>) {
       if (weights.rounded != nullptr) {
-        weights.rounded->AddOuterProduct(dy, x, Part(gradient, part));
+        AddRoundedOuterProduct(dy, x, Part(gradient, part), weights.scratch);
         return;
       }
     }
@@ -178,7 +179,8 @@ class Affine {
   void Forward(const Weights<T>& weights, In<T> x, Mat<T> y) const {
     if constexpr (std::is_same_v<T, float>) {
       if (weights.rounded != nullptr) {
-        weights.rounded->SetProduct(parts_[0].number, weights.values + bias_, x, y);
+        weights.rounded->SetProduct(parts_[0].number, weights.values + bias_, x, y,
+                                    weights.scratch);
         return;
       }
     }

@@ -77,10 +77,11 @@ Status ReadArray(ByteSource* source, T* values, Index count) {
 
 template <typename T>
 Learner<T>::Learner(const Settings& settings, Index observation_size, Index action_size,
-                    std::uint64_t seed)
+                    std::uint64_t seed, Index threads)
     : settings_(settings),
       o_(observation_size),
       a_(action_size),
+      threads_(threads),
       world_(settings, observation_size, action_size),
       behaviour_(settings, action_size) {
   Rounding rounding;
@@ -202,20 +203,38 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
 }
 
 template <typename T>
-void Learner<T>::Gradients(UpdateLosses* losses, const DreamStops<T>* stops) {
-  FitGradients(losses);
-  DreamGradients(losses, stops);
+void Learner<T>::Gradients(UpdateLosses* losses) {
+  world_.group().ClearGradient();
+  world_.Unroll(batch_);
+  const Index lanes = BeginDream(nullptr);
+  // The longest first.
+  threads_.Run(1 + lanes, [&](Index task) {
+    if (task == 0) {
+      world_.Fit(batch_, &losses->fit);
+    } else {
+      behaviour_.DreamIn(task - 1, world_);
+    }
+  });
+  losses->model_gradient_norm = Norm(world_.group());
+  EndDream(losses);
 }
 
 template <typename T>
 void Learner<T>::FitGradients(UpdateLosses* losses) {
   world_.group().ClearGradient();
+  world_.Unroll(batch_);
   world_.Fit(batch_, &losses->fit);
   losses->model_gradient_norm = Norm(world_.group());
 }
 
 template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
+  threads_.Run(BeginDream(stops), [&](Index lane) { behaviour_.DreamIn(lane, world_); });
+  EndDream(losses);
+}
+
+template <typename T>
+Index Learner<T>::BeginDream(const DreamStops<T>* stops) {
   behaviour_.actor().ClearGradient();
   behaviour_.value().ClearGradient();
   const auto count = static_cast<Index>(starts_.size());
@@ -229,7 +248,12 @@ void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops
   input.latent_noise = latent_noise_.Shape(settings_.stochastic, count * settings_.horizon);
   input.action_noise = action_noise_.Shape(a_, count * settings_.horizon);
   input.return_scale = settings_.percentile_return_scale ? std::max(1.0, return_scale_) : 1.0;
-  behaviour_.Dream(input, &world_, &losses->dream);
+  return behaviour_.BeginDream(input);
+}
+
+template <typename T>
+void Learner<T>::EndDream(UpdateLosses* losses) {
+  behaviour_.EndDream(&losses->dream);
   losses->actor_gradient_norm = Norm(behaviour_.actor());
   losses->value_gradient_norm = Norm(behaviour_.value());
 }
@@ -272,10 +296,17 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
     adam.rate2 = 1 / (1 - std::pow(adam.beta2, static_cast<double>(updates_)));
     ApplyAdam(adam, group.size(), group.gradient(), group.first(), group.second(), group.values());
   };
-  step(world_.group(), settings_.model_learning_rate, losses.model_gradient_norm);
-  step(behaviour_.actor(), settings_.actor_learning_rate, losses.actor_gradient_norm);
-  step(behaviour_.value(), settings_.value_learning_rate, losses.value_gradient_norm);
-  if (settings_.slow_critic_weight > 0) behaviour_.UpdateSlow();
+  threads_.Run(2, [&](Index task) {
+    if (task == 0) {
+      step(world_.group(), settings_.model_learning_rate, losses.model_gradient_norm);
+      world_.group().Round();
+    } else {
+      step(behaviour_.actor(), settings_.actor_learning_rate, losses.actor_gradient_norm);
+      step(behaviour_.value(), settings_.value_learning_rate, losses.value_gradient_norm);
+      if (settings_.slow_critic_weight > 0) behaviour_.UpdateSlow();
+      behaviour_.Round();
+    }
+  });
   if (settings_.percentile_return_scale) {
     sorted_returns_.assign(behaviour_.returns().begin(), behaviour_.returns().end());
     const double low = Percentile(&sorted_returns_, 0.05);
@@ -285,7 +316,6 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
                         : return_scale_ + settings_.return_scale_rate * (range - return_scale_);
   }
   std::swap(statistics_, next_statistics_);
-  RoundWeights();
 }
 
 template <typename T>

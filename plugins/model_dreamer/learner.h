@@ -12,6 +12,7 @@
 #include "dreamsearch/model.h"
 #include "plugins/model_dreamer/behaviour.h"
 #include "plugins/model_dreamer/settings.h"
+#include "plugins/model_dreamer/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
 
 namespace dreamsearch::dreamer {
@@ -35,7 +36,9 @@ struct UpdateLosses {
 template <typename T>
 class Learner {
  public:
-  Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
+  // Every result is the same for any number of threads.
+  Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed,
+          Index threads = 1);
 
   const Settings& settings() const { return settings_; }
   Index observation_size() const { return o_; }
@@ -50,11 +53,11 @@ class Learner {
   // inside a sequence.
   Status Update(const TrainRequest& request, UpdateLosses* losses);
 
-  // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients,
-  // the world model's and then the dream's, may be called again after a parameter
-  // has changed, with the dream's constants held at `stops`.
+  // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients may be
+  // called again after a parameter has changed; it is FitGradients, then DreamGradients
+  // with the dream's constants held at `stops`, but all of them on the threads at once.
   Status Read(const SequenceBatch& batch, std::uint64_t seed);
-  void Gradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
+  void Gradients(UpdateLosses* losses);
   void FitGradients(UpdateLosses* losses);
   void DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
   Status CheckFinite(const UpdateLosses& losses, std::uint64_t update) const;
@@ -71,11 +74,15 @@ class Learner {
   Status Export(TensorSink* sink) const;
 
  private:
-  // After every change of the parameters.
+  // After a change of all parameters.
   void RoundWeights();
+  // Clears the gradients and shares the dream out; returns the number of lanes.
+  Index BeginDream(const DreamStops<T>* stops);
+  void EndDream(UpdateLosses* losses);
 
   Settings settings_;
   Index o_, a_;
+  TaskThreads threads_;
   WorldModel<T> world_;
   Behaviour<T> behaviour_;
   std::uint64_t updates_ = 0;

@@ -49,12 +49,13 @@ WorldModel<T>::WorldModel(const Settings& settings, Index observation_size, Inde
 
 template <typename T>
 void WorldModel<T>::Recur(const Weights<T>& p, In<T> state, bool start,
-                          const ActivationTape<T>& input, Mat<T> gates, Mat<T> next) {
+                          const ActivationTape<T>& input, Mat<T> gates,
+                          TransitionScratch<T>* scratch, Mat<T> next) const {
   const Index n = next.cols;
   if (!start) recur_.Add(p, 0, ReadStochastic(state), input.output);
   recur_activation_.Forward(p, input);
-  const Mat<T> in = gru_in_.Shape(3 * d_, n);
-  const Mat<T> rec = gru_rec_.Shape(3 * d_, n);
+  const Mat<T> in = scratch->gru_in.Shape(3 * d_, n);
+  const Mat<T> rec = scratch->gru_rec.Shape(3 * d_, n);
   gru_input_.Forward(p, input.output, in);
   if (start) {
     gru_recurrent_.Start(p, rec);
@@ -65,13 +66,11 @@ void WorldModel<T>::Recur(const Weights<T>& p, In<T> state, bool start,
 }
 
 template <typename T>
-void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
-  const Weights<T> p = group_.training();
-  T* g = group_.gradient();
+void WorldModel<T>::Unroll(const Sequences<T>& batch) {
+  const Weights<T> p = group_.training(&rounded_scratch_);
   const Index b = batch.count;
   const Index steps = batch.length;
   const Index n = b * steps;
-  const T mean = T(1) / static_cast<T>(n);
   const bool norm = settings_.layer_norm;
 
   // What does not depend on the state, for all steps at once.
@@ -85,8 +84,8 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   posterior_hidden_.Start(p, hidden.output);
   posterior_hidden_.Add(p, 1, In<T>(embedding), hidden.output);
 
-  // The recurrence. `all` starts with the zero states before the first step.
-  const Mat<T> all = states_buffer_.Shape(z_ + d_, b + n);
+  // The recurrence.
+  const Mat<T> all = all_states_ = states_buffer_.Shape(z_ + d_, b + n);
   SetZero(all.Cols(0, b));
   states_ = all.Cols(b, n);
   const Mat<T> gates = gates_.Shape(4 * d_, n);
@@ -94,7 +93,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   const Mat<T> q_std = posterior_std_.Shape(z_, n);
   for (Index t = 0; t < steps; ++t) {
     const Mat<T> next = all.Cols((t + 1) * b, b);
-    Recur(p, all.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), next);
+    Recur(p, all.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), &scratch_, next);
     const ActivationTape<T> now = hidden.Cols(t * b, b);
     posterior_hidden_.Add(p, 0, In<T>(Deterministic(next)), now.output);
     posterior_activation_.Forward(p, now);
@@ -102,6 +101,26 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
     GaussianForward<T>(q_raw.Cols(t * b, b), batch.noise.Cols(t * b, b), min_std_,
                        q_std.Cols(t * b, b), Stochastic(next));
   }
+}
+
+template <typename T>
+void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
+  const Weights<T> p = group_.training(&rounded_scratch_);
+  T* g = group_.gradient();
+  const Index b = batch.count;
+  const Index steps = batch.length;
+  const Index n = b * steps;
+  const T mean = T(1) / static_cast<T>(n);
+  const bool norm = settings_.layer_norm;
+
+  // What Unroll left.
+  const Mat<T> all = all_states_;
+  const Mat<T> embedding = encoder_.Last(encoder_tape_);
+  const ActivationTape<T> x = recur_buffers_.Shape(u_, n, norm);
+  const ActivationTape<T> hidden = posterior_buffers_.Shape(u_, n, norm);
+  const Mat<T> gates = gates_.Shape(4 * d_, n);
+  const Mat<T> q_raw = posterior_raw_.Shape(2 * z_, n);
+  const Mat<T> q_std = posterior_std_.Shape(z_, n);
 
   // Prior and heads.
   const Mat<T> p_raw = prior_raw_.Shape(2 * z_, n);
@@ -117,7 +136,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
     head.Reserve(n, tape);
     head.Forward(p, In<T>(states_), 0, tape, out);
     const double loss = error(out, d_out) / static_cast<double>(n);
-    head.Backward(p, In<T>(states_), 0, *tape, In<T>(d_out), &scratch_, g, d_states);
+    head.Backward(p, In<T>(states_), 0, *tape, In<T>(d_out), &scratch_.mlp, g, d_states);
     return loss;
   };
   losses->observation =
@@ -167,7 +186,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   GaussianKlBackward<T>(q_raw, q_std, p_raw, p_std, min_std_, weight,
                         static_cast<T>(settings_.kl_posterior_factor),
                         static_cast<T>(settings_.kl_prior_factor), d_q, d_p);
-  prior_.Backward(p, ReadDeterministic(states_), 0, prior_tape_, In<T>(d_p), &scratch_, g,
+  prior_.Backward(p, ReadDeterministic(states_), 0, prior_tape_, In<T>(d_p), &scratch_.mlp, g,
                   Deterministic(d_states));
 
   // Back through time.
@@ -175,7 +194,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   const Mat<T> d_in = d_input_.Shape(3 * d_, n);
   const Mat<T> d_rec = d_recurrent_.Shape(3 * d_, n);
   const Mat<T> d_x = d_recur_.Shape(u_, n);
-  const Mat<T> d_prev = step_d_prev_.Shape(d_, b);
+  const Mat<T> d_prev = scratch_.d_prev.Shape(d_, b);
   for (Index t = steps; t-- > 0;) {
     const Mat<T> d_now = d_states.Cols(t * b, b);
     GaussianBackward<T>(q_std.Cols(t * b, b), batch.noise.Cols(t * b, b), min_std_,
@@ -209,7 +228,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   recur_.AddBias<T>(d_x, g);
   const Mat<T> d_embedding = d_embedding_.Shape(u_, n);
   posterior_hidden_.SetTransposed(p, 1, In<T>(d_hidden), d_embedding);
-  encoder_.Backward(p, batch.observations, 0, encoder_tape_, In<T>(d_embedding), &scratch_, g,
+  encoder_.Backward(p, batch.observations, 0, encoder_tape_, In<T>(d_embedding), &scratch_.mlp, g,
                     Mat<T>());
 }
 
@@ -224,12 +243,12 @@ void WorldModel<T>::Reserve(Index columns, TransitionTape<T>* tape) const {
 
 template <typename T>
 void WorldModel<T>::Step(const Weights<T>& p, In<T> state, In<T> action, In<T> noise, Index first,
-                         TransitionTape<T>* tape, Mat<T> next) {
+                         TransitionTape<T>* tape, Mat<T> next) const {
   const Index n = state.cols;
   const ActivationTape<T> input = tape->input.Cols(first, n);
   recur_.Start(p, input.output);
   recur_.Add(p, 1, action, input.output);
-  Recur(p, state, false, input, tape->gates.Cols(first, n), next);
+  Recur(p, state, false, input, tape->gates.Cols(first, n), &tape->scratch, next);
   const Mat<T> raw = tape->prior_raw.Cols(first, n);
   prior_.Forward(p, In<T>(Deterministic(next)), first, &tape->prior, raw);
   GaussianForward<T>(raw, noise, min_std_, tape->prior_std.Cols(first, n), Stochastic(next));
@@ -237,22 +256,23 @@ void WorldModel<T>::Step(const Weights<T>& p, In<T> state, In<T> action, In<T> n
 
 template <typename T>
 void WorldModel<T>::StepBackward(const Weights<T>& p, In<T> state, In<T> next, In<T> noise,
-                                 Index first, const TransitionTape<T>& tape, Mat<T> d_next,
-                                 Mat<T> d_state, Mat<T> d_action) {
+                                 Index first, TransitionTape<T>* tape, Mat<T> d_next,
+                                 Mat<T> d_state, Mat<T> d_action) const {
+  TransitionScratch<T>* scratch = &tape->scratch;
   const Index n = state.cols;
-  const Mat<T> d_raw = step_d_raw_.Shape(2 * z_, n);
+  const Mat<T> d_raw = scratch->d_raw.Shape(2 * z_, n);
   SetZero(d_raw);
-  GaussianBackward<T>(tape.prior_std.Cols(first, n), noise, min_std_, Stochastic(d_next), d_raw);
-  prior_.Backward(p, ReadDeterministic(next), first, tape.prior, In<T>(d_raw), &scratch_,
+  GaussianBackward<T>(tape->prior_std.Cols(first, n), noise, min_std_, Stochastic(d_next), d_raw);
+  prior_.Backward(p, ReadDeterministic(next), first, tape->prior, In<T>(d_raw), &scratch->mlp,
                   static_cast<T*>(nullptr), Deterministic(d_next));
-  const Mat<T> d_in = step_d_in_.Shape(3 * d_, n);
-  const Mat<T> d_rec = step_d_rec_.Shape(3 * d_, n);
-  const Mat<T> d_prev = step_d_prev_.Shape(d_, n);
-  GruBackward<T>(tape.gates.Cols(first, n), ReadDeterministic(state), Deterministic(d_next), d_in,
+  const Mat<T> d_in = scratch->d_in.Shape(3 * d_, n);
+  const Mat<T> d_rec = scratch->d_rec.Shape(3 * d_, n);
+  const Mat<T> d_prev = scratch->d_prev.Shape(d_, n);
+  GruBackward<T>(tape->gates.Cols(first, n), ReadDeterministic(state), Deterministic(d_next), d_in,
                  d_rec, d_prev);
-  const Mat<T> d_x = step_d_x_.Shape(u_, n);
+  const Mat<T> d_x = scratch->d_x.Shape(u_, n);
   gru_input_.SetTransposed(p, 0, In<T>(d_in), d_x);
-  recur_activation_.Backward(p, tape.input.Cols(first, n), d_x, static_cast<T*>(nullptr));
+  recur_activation_.Backward(p, tape->input.Cols(first, n), d_x, static_cast<T*>(nullptr));
   recur_.SetTransposed(p, 1, In<T>(d_x), d_action);
   if (!d_state) return;
   Add<T>(d_prev, Deterministic(d_state));
@@ -270,7 +290,7 @@ void WorldModel<T>::Observe(const Weights<T>& p, In<T> previous, In<T> action, I
   const ActivationTape<T> x = recur_buffers_.Shape(u_, n, norm);
   recur_.Start(p, x.output);
   recur_.Add(p, 1, action, x.output);
-  Recur(p, previous, false, x, gates_.Shape(4 * d_, n), next);
+  Recur(p, previous, false, x, gates_.Shape(4 * d_, n), &scratch_, next);
   const ActivationTape<T> hidden = posterior_buffers_.Shape(u_, n, norm);
   posterior_hidden_.Start(p, hidden.output);
   posterior_hidden_.Add(p, 0, In<T>(Deterministic(next)), hidden.output);

@@ -38,7 +38,15 @@ struct FitLosses {
   double posterior_std = 0;
 };
 
-// What imagined transitions keep for their way back.
+// What a transition needs on its way and nobody reads afterwards.
+template <typename T>
+struct TransitionScratch {
+  Buffer<T> gru_in, gru_rec, d_in, d_rec, d_prev, d_x, d_raw;
+  MlpScratch<T> mlp;
+};
+
+// What imagined transitions keep for their way back. Threads that imagine at the same
+// time have one each.
 template <typename T>
 struct TransitionTape {
   ActivationTape<T> input;  // x [U, n]
@@ -49,6 +57,7 @@ struct TransitionTape {
 
   ActivationBuffers<T> input_buffers;
   Buffer<T> gates_buffer, raw_buffer, std_buffer;
+  TransitionScratch<T> scratch;
 };
 
 template <typename T>
@@ -59,10 +68,11 @@ class WorldModel {
   ParameterGroup<T>& group() { return group_; }
   const ParameterGroup<T>& group() const { return group_; }
 
-  // Unrolls the posterior over the batch from zero states and adds the gradient of
-  // losses->total to the group's. states() is then the posterior.
+  // A fit in two halves: Unroll takes the posterior over the batch from zero states;
+  // Fit adds the gradient of losses->total to the group's. Dreams may run beside Fit.
+  void Unroll(const Sequences<T>& batch);
   void Fit(const Sequences<T>& batch, FitLosses* losses);
-  Mat<T> states() const { return states_; }  // [Z + D, T * B], of the last Fit
+  Mat<T> states() const { return states_; }  // [Z + D, T * B], of the last Unroll
 
   void Reserve(Index columns, TransitionTape<T>* tape) const;
 
@@ -71,12 +81,12 @@ class WorldModel {
   // next = one step of the prior from `state` under `action`; the mean where
   // noise is empty. Uses the tape's columns from `first` on.
   void Step(const Weights<T>& weights, In<T> state, In<T> action, In<T> noise, Index first,
-            TransitionTape<T>* tape, Mat<T> next);
+            TransitionTape<T>* tape, Mat<T> next) const;
 
   // From d_next, which is overwritten: d_action is set, d_state (unless empty) is
   // added to. The group is frozen.
   void StepBackward(const Weights<T>& weights, In<T> state, In<T> next, In<T> noise, Index first,
-                    const TransitionTape<T>& tape, Mat<T> d_next, Mat<T> d_state, Mat<T> d_action);
+                    TransitionTape<T>* tape, Mat<T> d_next, Mat<T> d_state, Mat<T> d_action) const;
 
   // The posterior after `action` from `previous` and the observation; its mean
   // where noise is empty.
@@ -101,7 +111,7 @@ class WorldModel {
   // h' into next's deterministic rows, from x's pre-activation W_a a + b in
   // input.output; `start` says that the state before is zero.
   void Recur(const Weights<T>& weights, In<T> state, bool start, const ActivationTape<T>& input,
-             Mat<T> gates, Mat<T> next);
+             Mat<T> gates, TransitionScratch<T>* scratch, Mat<T> next) const;
 
   Settings settings_;
   Index o_, a_, z_, d_, u_;
@@ -118,7 +128,8 @@ class WorldModel {
   Affine posterior_out_;
   Mlp decoder_, reward_, continuation_;
 
-  // Fit's memory; Observe uses the forward part with one column a row.
+  // The memory of Unroll and Fit; Observe uses the forward part with one column a row.
+  Mat<T> all_states_;  // the zero states before the first step, then states_
   Mat<T> states_;
   Buffer<T> states_buffer_, gates_, posterior_raw_, posterior_std_, prior_raw_, prior_std_,
       prior_mean_, observation_, reward_out_, continuation_out_, d_observation_, d_reward_,
@@ -126,10 +137,8 @@ class WorldModel {
       d_input_, d_recurrent_, d_recur_, d_embedding_;
   ActivationBuffers<T> recur_buffers_, posterior_buffers_;
   MlpTape<T> encoder_tape_, prior_tape_, decoder_tape_, reward_tape_, continuation_tape_;
-  MlpScratch<T> scratch_;
-
-  // One transition's memory.
-  Buffer<T> gru_in_, gru_rec_, step_d_in_, step_d_rec_, step_d_prev_, step_d_x_, step_d_raw_;
+  TransitionScratch<T> scratch_;
+  Bfloat16Scratch rounded_scratch_;
 };
 
 }  // namespace dreamsearch::dreamer

@@ -122,9 +122,10 @@ void LargeProduct(benchmark::State& state) {
 }
 BENCHMARK(LargeProduct)->Unit(benchmark::kMillisecond);
 
-void Update(benchmark::State& state, const char* preset, const char* precision) {
+void Update(benchmark::State& state, const char* preset, const char* precision,
+            Index threads = 1) {
   const Setup setup(preset, precision);
-  Learner<float> learner(setup.settings, kObservations, kActions, 1);
+  Learner<float> learner(setup.settings, kObservations, kActions, 1, threads);
   UpdateLosses losses;
   std::uint64_t update = 0;
   for (auto _ : state) {
@@ -135,8 +136,14 @@ void Update(benchmark::State& state, const char* preset, const char* precision) 
   Report(state, setup.fit_flops() + setup.dream_flops());
 }
 BENCHMARK_CAPTURE(Update, fast_bfloat16, "fast", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, fast_bfloat16_2_threads, "fast", "bfloat16", 2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 BENCHMARK_CAPTURE(Update, fast_float, "fast", "float")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Update, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, paper_bfloat16_2_threads, "paper", "bfloat16", 2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 BENCHMARK_CAPTURE(Update, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
 
 // The parts of an update, in order: reading and drawing, the world model's fit, the

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <new>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -63,8 +64,9 @@ Settings Small(const char* preset = "fast") {
   return s;
 }
 
-ModelPointer Make(const Settings& settings, std::uint64_t seed = 1, Index o = 2, Index a = 1) {
-  return ModelPointer(new Dreamer(settings, o, a, seed));
+ModelPointer Make(const Settings& settings, std::uint64_t seed = 1, Index o = 2, Index a = 1,
+                  Index threads = 1) {
+  return ModelPointer(new Dreamer(settings, o, a, seed, threads));
 }
 
 std::vector<double> Train(Model* model, const OwnedBatch& batch, std::uint64_t update) {
@@ -170,6 +172,49 @@ TEST(Dreamer, EqualSeedsGiveEqualBits) {
   EXPECT_NE(Ask(a.get(), 4, 5).samples, Ask(a.get(), 4, 6).samples);
 }
 
+TEST(Dreamer, AnyNumberOfThreadsGivesEqualBits) {
+  for (const char* precision : {"float", "bfloat16"}) {
+    Settings settings = Small();
+    settings.bfloat16 = std::string(precision) == "bfloat16";
+    settings.imagination_starts = 150;  // lanes of unequal size
+    const OwnedBatch batch = PointBatch(20, 10, 1);
+    std::string first;
+    for (const Index threads : {1, 2, 3, 9}) {
+      const ModelPointer model = Make(settings, 1, 2, 1, threads);
+      std::string bits;
+      for (std::uint64_t update = 0; update < 5; ++update) {
+        for (const double metric : Train(model.get(), batch, update)) {
+          bits.append(reinterpret_cast<const char*>(&metric), sizeof metric);
+        }
+      }
+      const auto saved = SavedBytes(*model);
+      bits.append(saved.begin(), saved.end());
+      if (threads == 1) first = bits;
+      EXPECT_TRUE(bits == first) << precision << ", " << threads << " threads";
+    }
+  }
+}
+
+TEST(TaskThreads, RunEveryTaskOnceAndThrowWhatOneThrew) {
+  for (const Index threads : {1, 2, 4}) {
+    TaskThreads pool(threads);
+    for (const Index count : {0, 1, 3, 100}) {
+      std::vector<int> calls(static_cast<std::size_t>(count));
+      pool.Run(count, [&](Index i) { ++calls[static_cast<std::size_t>(i)]; });
+      EXPECT_EQ(calls, std::vector<int>(static_cast<std::size_t>(count), 1));
+      if (count == 0) continue;
+      std::atomic<Index> ended{0};
+      EXPECT_THROW(pool.Run(count,
+                            [&](Index i) {
+                              ++ended;
+                              if (i == count / 2) throw std::runtime_error("task");
+                            }),
+                   std::runtime_error);
+      EXPECT_EQ(ended.load(), count) << "the others ran all the same";
+    }
+  }
+}
+
 TEST(Dreamer, LoadedContinuesAsTheSavedWouldHave) {
   for (const char* preset : {"fast", "paper"}) {
     const OwnedBatch batch = PointBatch(6, 10, 1);
@@ -240,7 +285,7 @@ TEST(Dreamer, AllocatesNothingAfterWarmUp) {
     settings.continuation = true;
     settings.horizon = 3;
     settings.imagination_starts = 300;  // more than one block
-    const ModelPointer model = Make(settings);
+    const ModelPointer model = Make(settings, 1, 2, 1, 2);
     const OwnedBatch batch = PointBatch(20, 20, 1);
     std::vector<double> metrics(DeclaredMetrics().size);
     LatentArray latents(*model, 150), next(*model, 150);

@@ -456,12 +456,13 @@ TEST(Bfloat16, ProductsOfExactFactorsEqualFloatProducts) {
         std::vector<float> y2 = y, dx2 = dx, dw2 = dw, set2(y.size()), set_dx2(dx.size());
         const F mw(w.data(), out, in), mx(x.data(), in, n), md(d.data(), out, n);
         Bfloat16Weights rounded({{0, out, 0, in}});
+        Bfloat16Scratch scratch;
         rounded.Pack(w.data());
-        rounded.AddProduct(0, mx, F(y.data(), out, n));
-        rounded.SetProduct(0, bias.data(), mx, F(set.data(), out, n));
-        rounded.AddTransposedProduct(0, md, F(dx.data(), in, n));
-        rounded.SetTransposedProduct(0, md, F(set_dx.data(), in, n));
-        rounded.AddOuterProduct(md, mx, F(dw.data(), out, in));
+        rounded.AddProduct(0, mx, F(y.data(), out, n), &scratch);
+        rounded.SetProduct(0, bias.data(), mx, F(set.data(), out, n), &scratch);
+        rounded.AddTransposedProduct(0, md, F(dx.data(), in, n), &scratch);
+        rounded.SetTransposedProduct(0, md, F(set_dx.data(), in, n), &scratch);
+        AddRoundedOuterProduct(md, mx, F(dw.data(), out, in), &scratch);
         AddProduct<float>(mw, mx, F(y2.data(), out, n));
         FillColumns(bias.data(), F(set2.data(), out, n));
         AddProduct<float>(mw, mx, F(set2.data(), out, n));
@@ -537,7 +538,7 @@ TEST(Transition, BackwardEqualsCentralDifference) {
     };
     loss();
     Values d_next = cotangent, gradient(inputs.size());
-    world.StepBackward(world.group().exact(), state, next, eps, 0, tape, M(d_next.data(), s, n),
+    world.StepBackward(world.group().exact(), state, next, eps, 0, &tape, M(d_next.data(), s, n),
                        M(gradient.data(), s, n), M(gradient.data() + s * n, 2, n));
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const double kept = inputs[i];

@@ -230,8 +230,7 @@ TEST(Shooting, MeansStayInsideTheBounds) {
   for (int elites = 2; elites <= 64; ++elites) {
     LoadedPlanner cem("cem", &model,
                       {{"candidates", 1000}, {"elites", elites}, {"initial_std", 10.0}});
-    LoadedPlanner mppi("mppi", &model,
-                       {{"elites", elites}, {"max_std", 10.0}, {"play", "mean"}});
+    LoadedPlanner mppi("mppi", &model, {{"elites", elites}, {"max_std", 10.0}, {"play", "mean"}});
     for (LoadedPlanner* planner : {&cem, &mppi}) {
       const Decision decision = planner->Plan(AsLatents(kRoot));
       ASSERT_TRUE(decision.status.ok());

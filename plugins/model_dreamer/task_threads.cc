@@ -1,0 +1,67 @@
+#include "plugins/model_dreamer/task_threads.h"
+
+#include <pthread.h>
+
+#include <csignal>
+#include <utility>
+
+namespace dreamsearch::dreamer {
+
+TaskThreads::TaskThreads(Index threads) {
+  // Signals are for the thread that was there before.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, &before);
+  for (Index i = 1; i < threads; ++i) helpers_.emplace_back([this] { Help(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+TaskThreads::~TaskThreads() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  begun_.notify_all();
+  for (std::thread& helper : helpers_) helper.join();
+}
+
+void TaskThreads::RunAll(Index count, Call call, void* context) {
+  std::unique_lock lock(mutex_);
+  call_ = call;
+  context_ = context;
+  next_ = 0;
+  count_ = count;
+  begun_.notify_all();
+  Work(&lock);
+  ended_.wait(lock, [this] { return running_ == 0; });
+  if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
+}
+
+void TaskThreads::Help() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    begun_.wait(lock, [this] { return stop_ || next_ < count_; });
+    if (stop_) return;
+    Work(&lock);
+    if (running_ == 0) ended_.notify_one();
+  }
+}
+
+void TaskThreads::Work(std::unique_lock<std::mutex>* lock) {
+  while (next_ < count_) {
+    const Index task = next_++;
+    ++running_;
+    lock->unlock();
+    std::exception_ptr error;
+    try {
+      call_(context_, task);
+    } catch (...) {
+      error = std::current_exception();
+    }
+    lock->lock();
+    --running_;
+    if (error && !error_) error_ = error;
+  }
+}
+
+}  // namespace dreamsearch::dreamer
