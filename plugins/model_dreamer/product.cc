@@ -8,6 +8,10 @@
 #include <Eigen/Core>
 #include <algorithm>
 
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
+
 namespace dreamsearch::dreamer {
 namespace {
 
@@ -32,6 +36,87 @@ auto AsColumn(Mat<T> m) {
                                                                                         m.rows);
 }
 
+#ifdef __AVX512F__
+
+// Eigen copies its factors into an order that pays when they are used often. With few
+// columns, as planners have them, it is faster to read the weight where it lies: once
+// for every six columns, whose sums stay in registers.
+constexpr Index kFewColumns = 64;
+constexpr Index kLanes = 16;   // floats in a register
+constexpr int kRegisters = 4;  // of rows at a time
+constexpr int kColumns = 6;
+
+// y += w x for V registers of rows, the last one under `tail`, and C columns.
+template <int V, int C>
+inline void AddBlock(Mat<const float> w, Mat<const float> x, Mat<float> y, __mmask16 tail) {
+  const auto mask = [tail](int v) { return v + 1 == V ? tail : __mmask16{0xffff}; };
+  __m512 sum[V][C];
+#pragma GCC unroll 8
+  for (int j = 0; j < C; ++j) {
+#pragma GCC unroll 8
+    for (int v = 0; v < V; ++v) sum[v][j] = _mm512_maskz_loadu_ps(mask(v), y.col(j) + kLanes * v);
+  }
+  for (Index k = 0; k < x.rows; ++k) {
+    __m512 weight[V];
+#pragma GCC unroll 8
+    for (int v = 0; v < V; ++v) weight[v] = _mm512_maskz_loadu_ps(mask(v), w.col(k) + kLanes * v);
+#pragma GCC unroll 8
+    for (int j = 0; j < C; ++j) {
+      const __m512 factor = _mm512_set1_ps(x(k, j));
+#pragma GCC unroll 8
+      for (int v = 0; v < V; ++v) sum[v][j] = _mm512_fmadd_ps(weight[v], factor, sum[v][j]);
+    }
+  }
+#pragma GCC unroll 8
+  for (int j = 0; j < C; ++j) {
+#pragma GCC unroll 8
+    for (int v = 0; v < V; ++v) {
+      _mm512_mask_storeu_ps(y.col(j) + kLanes * v, mask(v), sum[v][j]);
+    }
+  }
+}
+
+template <int V, int C = kColumns>
+void AddBlocks(Mat<const float> w, Mat<const float> x, Mat<float> y, __mmask16 tail) {
+  Index first = 0;
+  for (; first + C <= x.cols; first += C) {
+    AddBlock<V, C>(w, x.Cols(first, C), y.Cols(first, C), tail);
+  }
+  if constexpr (C > 1) {
+    const Index left = x.cols - first;
+    if (left > 0) AddBlocks<V, C - 1>(w, x.Cols(first, left), y.Cols(first, left), tail);
+  }
+}
+
+void AddFewColumns(Mat<const float> w, Mat<const float> x, Mat<float> y) {
+  for (Index first = 0; first < w.rows; first += kRegisters * kLanes) {
+    const Index rows = std::min<Index>(kRegisters * kLanes, w.rows - first);
+    const Index registers = (rows + kLanes - 1) / kLanes;
+    const auto tail = static_cast<__mmask16>((1u << (rows - (registers - 1) * kLanes)) - 1);
+    const Mat<const float> part = w.Rows(first, rows);
+    const Mat<float> sums = y.Rows(first, rows);
+    switch (registers) {
+      case 4:
+        AddBlocks<4>(part, x, sums, tail);
+        break;
+      case 3:
+        AddBlocks<3>(part, x, sums, tail);
+        break;
+      case 2:
+        AddBlocks<2>(part, x, sums, tail);
+        break;
+      default:
+        AddBlocks<1>(part, x, sums, tail);
+    }
+  }
+}
+
+bool FewColumns(Mat<const float> w, Mat<const float> x) {
+  return x.cols > 1 && x.cols <= kFewColumns && w.rows >= kLanes / 2;
+}
+
+#endif
+
 }  // namespace
 
 template <typename T>
@@ -41,6 +126,11 @@ void AddProduct(Mat<const std::type_identity_t<T>> w, Mat<const std::type_identi
     AsColumn(y).noalias() += AsEigen(w) * AsColumn(x);
     return;
   }
+#ifdef __AVX512F__
+  if constexpr (std::is_same_v<T, float>) {
+    if (FewColumns(w, x)) return AddFewColumns(w, x, y);
+  }
+#endif
   for (Index first = 0; first < x.cols; first += kColumnsPerBlock) {
     const Index n = std::min(kColumnsPerBlock, x.cols - first);
     AsEigen(y.Cols(first, n)).noalias() += AsEigen(w) * AsEigen(x.Cols(first, n));
