@@ -35,13 +35,14 @@ play --env cartpole_swingup --planner "$all" --episodes 20 --set run.action_repe
   --set random_shooting.candidates=100 --set cem.candidates=50 --set cem.elites=8 \
   --set mppi.candidates=40 --set mppi.elites=8 --set mppi.horizon=15
 
-play --env pendulum_swingup --planner random,mppi --episodes 20 --set run.action_repeat=10 \
-  "${mppi[@]}" --set mppi.candidates=100 --set mppi.elites=20 --set mppi.iterations=3 \
-  --set mppi.horizon=20 --set mppi.min_std=0.5
+# Pumping up takes five seconds, and nothing pays before the top is reached.
+play --env pendulum_swingup --planner random,mppi --episodes 10 --set run.action_repeat=16 \
+  --set mppi.actor_candidates=2 --set mppi.candidates=200 --set mppi.elites=8 \
+  --set mppi.iterations=2 --set mppi.horizon=60 --set mppi.min_std=0.3
 
-# With the usual action repeat: 50 decisions ahead are one second.
+# With the usual action repeat: 60 decisions ahead are 1.2 seconds.
 play --env cartpole_swingup --planner random,mppi --episodes 5 --set run.action_repeat=2 \
-  "${mppi[@]}" --set mppi.candidates=40 --set mppi.elites=8 --set mppi.iterations=2 \
-  --set mppi.horizon=50 --set mppi.min_std=0.3
+  "${mppi[@]}" --set mppi.candidates=64 --set mppi.elites=10 --set mppi.iterations=2 \
+  --set mppi.horizon=60 --set mppi.min_std=0.3
 
 "$bin/results" sql --db "$db" --format markdown "$(<"$root/experiments/oracle.sql")"

@@ -4,6 +4,7 @@
 #include "commands.h"
 #include "error.h"
 #include "options.h"
+#include "progress.h"
 #include "results/database.h"
 #include "supervisor.h"
 #include "sweep.h"
@@ -44,6 +45,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
     }
   }
   std::vector<SweepJob> jobs;
+  int found = 0;  // by a dry run
   for (const results::RunInfo& run : runs) {
     const bool failed = run.status == results::RunStatus::kFailed ||
                         run.status == results::RunStatus::kCrashed ||
@@ -53,9 +55,21 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
       std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";
       continue;
     }
+    if (options.dry_run) {
+      std::cout << "would resume run " << run.run_id << ": " << run.task << " " << run.planner
+                << " seed " << run.seed << ", " << results::RunStatusName(run.status) << " at "
+                << GroupDigits(static_cast<std::uint64_t>(run.env_steps_done)) << " of "
+                << GroupDigits(static_cast<std::uint64_t>(run.env_steps_target)) << " steps\n";
+      ++found;
+      continue;
+    }
     SweepJob job = RecordedJob(database.get(), options, run);
     job.work.force = force;
     jobs.push_back(std::move(job));
+  }
+  if (found > 0) {
+    std::cerr << "nothing was run or written\n";
+    return 0;
   }
   if (jobs.empty()) {
     std::cerr << "nothing to resume in " << database->path() << "\n";

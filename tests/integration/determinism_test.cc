@@ -61,6 +61,9 @@ TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
   EXPECT_NE(stopped.err.find("resume --db"), std::string::npos) << stopped.err;
   EXPECT_EQ(place_->Value("stopped.db", "select count(*) from run where status = 'interrupted'"),
             "1");
+  const ProgramResult dry = place_->Runner({"resume", "--db", "stopped.db", "--dry-run"});
+  EXPECT_EQ(dry.exit_status, 0) << dry.err;
+  EXPECT_NE(dry.out.find("would resume run "), std::string::npos) << dry.out;
   const ProgramResult resumed = place_->Runner({"resume", "--db", "stopped.db", "--jobs", "2"});
   EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
   EXPECT_EQ(place_->Value("stopped.db", kDigests), reference_);
