@@ -111,8 +111,16 @@ void Behaviour<T>::DreamIn(Index index, const WorldModel<T>& world) {
   SetZero(lane.value_gradient.Shape(value_group_.size(), 1));
   lane.losses = DreamLosses();
   for (Index done = 0; done < lane.count; done += kStartsPerBlock) {
-    DreamBlock(lane.first + done, std::min(kStartsPerBlock, lane.count - done), world, &lane);
+    if (done > 0) LearnFromBlock(&lane);
+    lane.block_first = lane.first + done;
+    lane.block_count = std::min(kStartsPerBlock, lane.count - done);
+    DreamBlock(world, &lane);
   }
+}
+
+template <typename T>
+void Behaviour<T>::LearnIn(Index index) {
+  LearnFromBlock(&lane_[static_cast<std::size_t>(index)]);
 }
 
 template <typename T>
@@ -144,10 +152,11 @@ void Behaviour<T>::EndDream(DreamLosses* losses) {
 }
 
 template <typename T>
-void Behaviour<T>::DreamBlock(Index first, Index m, const WorldModel<T>& world,
-                              DreamLane<T>* lane) {
+void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
   const DreamInput<T>& input = input_;
   DreamLosses* losses = &lane->losses;
+  const Index first = lane->block_first;
+  const Index m = lane->block_count;
   const Index horizon = settings_.horizon;
   const Index n = horizon * m;  // decisions of the block, tau-major
   const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
@@ -208,13 +217,11 @@ void Behaviour<T>::DreamBlock(Index first, Index m, const WorldModel<T>& world,
   const Mat<T> weights = lane->weights.Shape(1, n);
   std::fill(weights.data, weights.data + m, T(1));
   for (Index j = m; j < n; ++j) weights(0, j) = weights(0, j - m) * discounts(0, j - m);
-  const T* targets = returns;
   if (input.stops != nullptr) {
     std::copy(input.stops->weights.begin(), input.stops->weights.end(), weights.data);
-    targets = input.stops->targets.data();
   }
 
-  // The actor, through critic, reward model and dynamics.
+  // Back through critic, reward model and dynamics to the actions.
   const T inverse_scale = static_cast<T>(1 / input.return_scale);
   const T bonus = static_cast<T>(settings_.entropy_scale);
   const Mat<T> d_returns = lane->d_returns.Shape(1, n);
@@ -257,30 +264,49 @@ void Behaviour<T>::DreamBlock(Index first, Index m, const WorldModel<T>& world,
                        &lane->transitions, d_states.Cols(at + m, m),
                        tau > 0 ? d_states.Cols(at, m) : Mat<T>(), d_actions.Cols(at, m));
   }
+}
+
+template <typename T>
+void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
+  const DreamInput<T>& input = input_;
+  const Index horizon = settings_.horizon;
+  const Index n = horizon * lane->block_count;
+  const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
+  const auto left = [&](Buffer<T>& buffer, Index rows) { return Mat<T>(buffer.data(), rows, n); };
+  const In<T> states = left(lane->states, settings_.state_size());
+
+  // The actor.
   const Mat<T> d_raw = lane->d_raw.Shape(2 * a_, n);
-  ActorBackward<T>(squashed, std, actions, action_noise, shape_, d_actions, entropy_weights, d_raw);
-  const Mat<T> left = states.Cols(0, n);
-  actor_.Backward(actor, In<T>(left), 0, lane->actor_tape, In<T>(d_raw), &lane->scratch,
-                  lane->actor_gradient.data(), Mat<T>());
+  ActorBackward<T>(left(lane->squashed, a_), left(lane->std, a_), left(lane->actions, a_),
+                   left(lane->action_noise, a_), shape_, left(lane->d_actions, a_),
+                   left(lane->entropy_weights, 1), d_raw);
+  actor_.Backward(actor_group_.training(&lane->rounded_scratch), states, 0, lane->actor_tape,
+                  In<T>(d_raw), &lane->scratch, lane->actor_gradient.data(), Mat<T>());
 
   // The critic.
+  const Mat<T> weights = left(lane->weights, 1);
+  const Mat<T> outputs = left(lane->outputs, 1);
+  const T* targets = input.stops != nullptr ? input.stops->targets.data()
+                                            : returns_.data() + lane->block_first * horizon;
+  const T scale = static_cast<T>(settings_.value_scale);
   const T slow_weight = static_cast<T>(settings_.slow_critic_weight);
   const Mat<T> slow = lane->slow_outputs.Shape(1, n);
   if (slow_weight > 0) {
     value_.Reserve(n, &lane->slow_tape);
-    value_.Forward(Weights<T>{slow_.data(), slow_rounded_.get(), &lane->rounded_scratch},
-                   In<T>(left), 0, &lane->slow_tape, slow);
+    value_.Forward(Weights<T>{slow_.data(), slow_rounded_.get(), &lane->rounded_scratch}, states, 0,
+                   &lane->slow_tape, slow);
   }
+  const Mat<T> d_outputs = left(lane->d_values, 1);
   for (Index j = 0; j < n; ++j) {
     const T error = outputs(0, j) - targets[j] / scale;
     const T drift = slow_weight > 0 ? outputs(0, j) - slow(0, j) : T(0);
     const T w = weights(0, j);
-    losses->value +=
+    lane->losses.value +=
         static_cast<double>(w * T(0.5) * (error * error + slow_weight * drift * drift));
-    d_values(0, j) = w * mean * (error + slow_weight * drift);
+    d_outputs(0, j) = w * mean * (error + slow_weight * drift);
   }
-  value_.Backward(value, In<T>(left), 0, lane->value_tape, In<T>(d_values.Cols(0, n)),
-                  &lane->scratch, lane->value_gradient.data(), Mat<T>());
+  value_.Backward(value_group_.training(&lane->rounded_scratch), states, 0, lane->value_tape,
+                  In<T>(d_outputs), &lane->scratch, lane->value_gradient.data(), Mat<T>());
 }
 
 template <typename T>

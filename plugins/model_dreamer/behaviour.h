@@ -74,6 +74,8 @@ template <typename T>
 struct DreamLane {
   Index first = 0;  // start
   Index count = 0;
+  Index block_first = 0;  // the starts that the buffers are about
+  Index block_count = 0;
   DreamLosses losses;  // sums
   Buffer<T> actor_gradient, value_gradient;
 
@@ -108,11 +110,14 @@ class Behaviour {
   void Round();
 
   // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
-  // starts out and returns how many lanes there are; DreamIn dreams in one of them,
-  // in any order and at the same time as in others; EndDream adds the gradients of both
-  // losses to the groups', lane by lane. `input` lives until then.
+  // starts out and returns how many lanes there are; DreamIn dreams in one of them and
+  // learns from all but its last block, LearnIn from that one; both in any order of
+  // lanes and at the same time as in others. Two tasks a lane let threads end together
+  // though the lanes are few. EndDream adds the gradients of both losses to the
+  // groups', lane by lane. `input` lives until then.
   Index BeginDream(const DreamInput<T>& input);
   void DreamIn(Index lane, const WorldModel<T>& world);
+  void LearnIn(Index lane);
   void EndDream(DreamLosses* losses);
   // V_tau of the last dream, [K * H]; tau-major in each block of starts.
   const std::vector<T>& returns() const { return returns_; }
@@ -128,7 +133,10 @@ class Behaviour {
   void Sample(In<T> states, Index count, In<T> noise, Mat<T> actions);
 
  private:
-  void DreamBlock(Index first, Index count, const WorldModel<T>& world, DreamLane<T>* lane);
+  // Dreams of the lane's block, and takes the returns' gradient back to the actions.
+  void DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane);
+  // Both losses' gradients in the weights, from what DreamBlock left.
+  void LearnFromBlock(DreamLane<T>* lane);
 
   Settings settings_;
   Index a_;

@@ -215,6 +215,7 @@ void Learner<T>::Gradients(UpdateLosses* losses) {
       behaviour_.DreamIn(task - 1, world_);
     }
   });
+  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
   losses->model_gradient_norm = Norm(world_.group());
   EndDream(losses);
 }
@@ -229,7 +230,9 @@ void Learner<T>::FitGradients(UpdateLosses* losses) {
 
 template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
-  threads_.Run(BeginDream(stops), [&](Index lane) { behaviour_.DreamIn(lane, world_); });
+  const Index lanes = BeginDream(stops);
+  threads_.Run(lanes, [&](Index lane) { behaviour_.DreamIn(lane, world_); });
+  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
   EndDream(losses);
 }
 
