@@ -75,6 +75,25 @@ std::string XLabel(CurveAxis axis) {
   return "";
 }
 
+// Where the x axis ends: published curves may be many times as long as our runs, and would
+// squeeze them into the margin. A tenth past our longest run, so that points at its end are
+// inside, or past the first published point if that comes later. Empty: everything is ours.
+std::optional<double> OwnEnd(const std::vector<Line>& lines) {
+  double own = 0, first_published = INFINITY;
+  bool published = false;
+  for (const Line& line : lines) {
+    for (const RunCurve& run : line.runs) {
+      for (const double x : run.x) {
+        if (!line.published) own = std::max(own, x);
+        if (line.published && x > 0) first_published = std::min(first_published, x);
+      }
+      published = published || line.published;
+    }
+  }
+  if (!published || own == 0) return std::nullopt;
+  return 1.1 * (std::isfinite(first_published) ? std::max(own, first_published) : own);
+}
+
 // Labels in the order of the planners, each with its style, equal in all panels.
 std::map<std::string, int> StylesOf(const std::vector<Line>& lines,
                                     std::vector<std::string>* order) {
@@ -195,6 +214,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
                     CurveInterval interval) {
   Figure figure;
   figure.x_label = XLabel(request.axis);
+  figure.x_high = OwnEnd(lines);
   figure.y_label = YLabel(request);
   std::vector<std::string> order;
   std::map<std::string, int> styles = StylesOf(lines, &order);
@@ -236,6 +256,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
   }
   if (two) note += " Small markers: each of two seeds; fewer than 3 give no interval.";
   if (most_shown < 2) note += " Fewer than 3 seeds give no interval.";
+  if (figure.x_high) note += " Published curves go on beyond the axis.";
   if (uneven) note += " Thin: seeds that have gone further than others.";
   if (request.phase == CurvePhase::kEvaluation) {
     note += " With search: evaluated with the planner; actor: with the actor's mode action.";
@@ -248,6 +269,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
 Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& request) {
   Figure figure;
   figure.x_label = XLabel(request.axis);
+  figure.x_high = OwnEnd(lines);
   figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
   std::vector<std::string> order;
   std::map<std::string, int> styles = StylesOf(lines, &order);

@@ -29,7 +29,8 @@ int CurvesCommand(const Words& words) {
       "smooth", po::value<std::string>()->default_value("1"),
       "moving mean of so many points, said on the axis; 1: none")("log-x", "a logarithmic x axis")(
       "published", po::value<std::vector<std::string>>()->value_name("LIST"),
-      "imported curves to draw beside: methods, as METHOD or METHOD/OBS, or all")(
+      "imported curves to draw beside: methods, as METHOD or METHOD/OBS, or all; the x axis "
+      "ends with our runs, with --log-x it has all of them")(
       "title", po::value<std::string>()->default_value(""), "a title");
   if (!arguments.Parse(words)) return kExitOk;
   std::vector<std::string> outs = {"curves.svg"};

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "recording.h"
+#include "results/curve_figure.h"
 #include "results/table.h"
 
 namespace dreamsearch::results {
@@ -134,6 +135,28 @@ TEST(Published, CurvesAreDrawnBesideOurs) {
   EXPECT_TRUE(lines[1].published);
   EXPECT_EQ(lines[1].task, "walker_walk");
   EXPECT_EQ(lines[1].n(), 1);
+}
+
+TEST(Published, TheAxisEndsWithOurRuns) {
+  const auto line = [](bool published, std::vector<double> x) {
+    Line made = {.task = "walker_walk", .label = published ? "theirs" : "ours"};
+    made.published = published;
+    RunCurve run;
+    for (const double at : x) run.env_step.push_back(static_cast<std::int64_t>(at));
+    run.value.assign(x.size(), 1);
+    run.x = std::move(x);
+    made.runs.push_back(run);
+    return made;
+  };
+  const auto end = [](const std::vector<Line>& lines) {
+    return CurvesByTask(lines, {}, CurveInterval::kMinMax).x_high;
+  };
+  const Line ours = line(false, {0, 100000});
+  EXPECT_FALSE(end({ours}));
+  EXPECT_DOUBLE_EQ(*end({ours, line(true, {0, 50000, 2e6})}), 110000);
+  // Not so early that nothing of theirs is left.
+  EXPECT_DOUBLE_EQ(*end({ours, line(true, {200000, 2e6})}), 220000);
+  EXPECT_FALSE(end({line(true, {200000, 2e6})}));
 }
 
 // The file of published scores, where it is at hand.
