@@ -25,9 +25,9 @@ constexpr Index kObservations = 24;
 constexpr Index kActions = 6;
 
 // Processor seconds of this thread, so that a busy machine disturbs less.
-double Now() {
+double Now(clockid_t clock = CLOCK_THREAD_CPUTIME_ID) {
   std::timespec time;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  clock_gettime(clock, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
@@ -102,38 +102,54 @@ struct Setup {
   double starts = 0;
 };
 
-void Report(benchmark::State& state, double flops) {
-  using benchmark::Counter;
-  state.counters["GFLOP"] = flops * 1e-9;
-  state.counters["GFLOP/s"] = Counter(flops * 1e-9, Counter::kIsIterationInvariantRate);
-  state.counters["share"] = Counter(flops / MachineLimit(), Counter::kIsIterationInvariantRate);
+// Operations of something that took `seconds`, their rate, and its share of the limit.
+void Report(benchmark::State& state, double flops, double seconds, const std::string& part = "") {
+  state.counters[part + "GFLOP"] = flops * 1e-9;
+  state.counters[part + "GFLOP/s"] = flops * 1e-9 / seconds;
+  state.counters[part + "share"] = flops / seconds / MachineLimit();
 }
+
+// Seconds of an iteration so far: processor time of this thread, or wall time.
+class Lap {
+ public:
+  explicit Lap(clockid_t clock = CLOCK_THREAD_CPUTIME_ID) : clock_(clock), begin_(Now(clock)) {}
+  double Each(const benchmark::State& state) const {
+    return (Now(clock_) - begin_) / static_cast<double>(state.iterations());
+  }
+
+ private:
+  clockid_t clock_;
+  double begin_;
+};
 
 void LargeProduct(benchmark::State& state) {
   constexpr Index kSize = 1024;
   const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
   const Eigen::MatrixXf b = Eigen::MatrixXf::Random(kSize, kSize);
   Eigen::MatrixXf c(kSize, kSize);
+  MachineLimit();
+  const Lap lap;
   for (auto _ : state) {
     c.noalias() = a * b;
     benchmark::DoNotOptimize(c.data());
   }
-  Report(state, 2.0 * kSize * kSize * kSize);
+  Report(state, 2.0 * kSize * kSize * kSize, lap.Each(state));
 }
 BENCHMARK(LargeProduct)->Unit(benchmark::kMillisecond);
 
-void Update(benchmark::State& state, const char* preset, const char* precision,
-            Index threads = 1) {
+void Update(benchmark::State& state, const char* preset, const char* precision, Index threads = 1) {
   const Setup setup(preset, precision);
   Learner<float> learner(setup.settings, kObservations, kActions, 1, threads);
   UpdateLosses losses;
   std::uint64_t update = 0;
+  MachineLimit();
+  const Lap lap(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC);
   for (auto _ : state) {
     const Status status = learner.Update({setup.batch.view(), update, update, 0}, &losses);
     if (!status.ok()) state.SkipWithError(status.message);
     ++update;
   }
-  Report(state, setup.fit_flops() + setup.dream_flops());
+  Report(state, setup.fit_flops() + setup.dream_flops(), lap.Each(state));
 }
 BENCHMARK_CAPTURE(Update, fast_bfloat16, "fast", "bfloat16")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Update, fast_bfloat16_2_threads, "fast", "bfloat16", 2)
@@ -147,8 +163,8 @@ BENCHMARK_CAPTURE(Update, paper_bfloat16_2_threads, "paper", "bfloat16", 2)
 BENCHMARK_CAPTURE(Update, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
 
 // The parts of an update, in order: reading and drawing, the world model's fit, the
-// dream, the step of the three groups. Milliseconds of each and the rate of the two
-// that are products.
+// dream, the step of the three groups. Milliseconds of each; operations, rate and share
+// of the two that are products.
 void Parts(benchmark::State& state, const char* preset, const char* precision) {
   const Setup setup(preset, precision);
   Learner<float> learner(setup.settings, kObservations, kActions, 1);
@@ -176,11 +192,13 @@ void Parts(benchmark::State& state, const char* preset, const char* precision) {
   const double each = 1.0 / static_cast<double>(update);
   const char* const names[] = {"read_ms", "fit_ms", "dream_ms", "apply_ms"};
   for (int part = 0; part < 4; ++part) state.counters[names[part]] = 1e3 * seconds[part] * each;
-  state.counters["fit_GFLOP/s"] = 1e-9 * setup.fit_flops() / (seconds[1] * each);
-  state.counters["dream_GFLOP/s"] = 1e-9 * setup.dream_flops() / (seconds[2] * each);
+  Report(state, setup.fit_flops(), seconds[1] * each, "fit_");
+  Report(state, setup.dream_flops(), seconds[2] * each, "dream_");
 }
 BENCHMARK_CAPTURE(Parts, fast_bfloat16, "fast", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Parts, fast_float, "fast", "float")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Parts, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Parts, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
 
 // What planners ask, at `rows` latents: one transition with its value and one
 // proposed action a latent.
@@ -196,6 +214,8 @@ void Transition(benchmark::State& state, const char* preset, const char* precisi
   const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
   std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
   std::uint64_t seed = 0;
+  MachineLimit();
+  const Lap lap;
   for (auto _ : state) {
     bool ok = model
                   ->Imagine({from, {actions.data(), rows, kActions}, seed},
@@ -207,7 +227,8 @@ void Transition(benchmark::State& state, const char* preset, const char* precisi
   }
   const Work work(setup.settings);
   Report(state,
-         2 * static_cast<double>(rows) * (work.dynamics + work.reward + work.value + work.actor));
+         2 * static_cast<double>(rows) * (work.dynamics + work.reward + work.value + work.actor),
+         lap.Each(state));
   model->Destroy();
 }
 BENCHMARK_CAPTURE(Transition, fast_bfloat16, "fast", "bfloat16")
