@@ -47,16 +47,17 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("paper", 5),
     IntParameter("eval_every", 0, 0, 1000000000, "steps",
                  "Environment steps between evaluations; 0: min(10000, steps / 10).")
-        .Preset("fast", 0.0)
-        .Preset("paper", 0.0),
+        .Preset("fast", 0)
+        .Preset("paper", 0),
     IntParameter("checkpoint_every", 5000, 1, 1000000000, "steps",
                  "Environment steps between checkpoints.")
         .Preset("fast", 5000)
         .Preset("paper", 5000),
-    IntParameter("replay_capacity", 0, 0, 1000000000, "decisions",
-                 "Decisions the replay keeps, the oldest episodes leave first; 0: the whole budget.")
-        .Preset("fast", 0.0)
-        .Preset("paper", 0.0),
+    IntParameter(
+        "replay_capacity", 0, 0, 1000000000, "decisions",
+        "Decisions the replay keeps, the oldest episodes leave first; 0: the whole budget.")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
 };
 
 inline constexpr View<const ParameterSpec> RunParameters() noexcept {

@@ -37,7 +37,7 @@ constexpr ParameterSpec kParameters[] = {
     BoolParameter("normalise_observations", true,
                   "Encode and predict observations standardised by the running mean and variance "
                   "of the training batches. [SimbaV2; Welford 1962]")
-        .Preset("paper", 0.0),
+        .Preset("paper", false),
     RealParameter("observation_floor", 0.01, 1e-8, 1e3, "",
                   "Least deviation that an observation is divided by. [ours]"),
     RealParameter("observation_clip", 10, 1, 1e6, "deviations",
@@ -73,19 +73,19 @@ constexpr ParameterSpec kParameters[] = {
         "zero_heads", true,
         "Start reward, value and continuation at 0 and the actor's output at a hundredth. "
         "[v3]")
-        .Preset("paper", 0.0),
+        .Preset("paper", false),
 
     IntParameter("horizon", 12, 1, 100, "decisions", "H, the length of a dream. [paper: 15]")
         .Preset("paper", 15),
     IntParameter("imagination_starts", 128, 0, 1000000, "states",
                  "Posterior states of the batch that dreams start from; 0 for all. [ours; paper: "
                  "all]")
-        .Preset("paper", 0.0),
+        .Preset("paper", 0),
     IntParameter(
         "start_skip", 4, 0, 1000, "decisions",
         "First steps of a sequence that no dream starts from, while the latent forgets its "
         "zero start; at most length - 1. [ours; paper 0]")
-        .Preset("paper", 0.0),
+        .Preset("paper", 0),
     RealParameter("discount", 0.99, 0, 1, "", "gamma, for one decision. [paper]"),
     RealParameter("lambda", 0.95, 0, 1, "", "The mix of the lambda-return. [paper]"),
     RealParameter("actor_mean_limit", 5, 0.1, 100, "",
@@ -98,7 +98,7 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", 1e-4),
     RealParameter("entropy_scale", 3e-3, 0, 10, "",
                   "Bonus on the actor's entropy, in units of the return scale. [v2, v3]")
-        .Preset("paper", 0.0),
+        .Preset("paper", 0),
     ChoiceParameter("return_scale", "percentile", "none,percentile",
                     "What the actor's returns are divided by: 1, or a moving average of their 5 to "
                     "95 percent range where that is above 1. [v3]")
@@ -111,7 +111,7 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", 1),
     RealParameter("slow_critic_weight", 1, 0, 100, "",
                   "Factor of the value's squared distance from its slow copy. [v3; paper: none]")
-        .Preset("paper", 0.0),
+        .Preset("paper", 0),
     RealParameter("slow_critic_rate", 0.02, 0, 1, "",
                   "How far the slow copy follows the value at each update. [v3]"),
 

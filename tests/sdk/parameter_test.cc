@@ -16,6 +16,16 @@ TEST(ParameterSpec, PresetsAreKeptInOrder) {
   EXPECT_EQ(spec.presets[0].number, 2500);
 }
 
+TEST(ParameterSpec, ZeroAndFalseAreNumbersNotMissingChoices) {
+  constexpr ParameterSpec zero = IntParameter("starts", 256, 0, 10000, "", "").Preset("paper", 0);
+  static_assert(zero.presets[0].number == 0 && zero.presets[0].choice == nullptr);
+  constexpr ParameterSpec bare = BoolParameter("norm", true, "").Preset("paper", false);
+  static_assert(bare.presets[0].number == 0 && bare.presets[0].choice == nullptr);
+  constexpr ParameterSpec chosen =
+      ChoiceParameter("precision", "float", "float,bfloat16", "").Preset("paper", "bfloat16");
+  EXPECT_STREQ(chosen.presets[0].choice, "bfloat16");
+}
+
 TEST(Parameters, FindsValuesByName) {
   constexpr ParameterValue kValues[] = {{"depth", 10, nullptr}, {"noise", 0, "mode"}};
   const Parameters parameters{ViewOf(kValues)};

@@ -8,6 +8,7 @@
 // factory gets every declared parameter, so Get* never misses a declared name.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <cstring>
 
@@ -45,6 +46,11 @@ struct ParameterSpec {
     ParameterSpec copy = *this;
     copy.presets[copy.preset_count++] = {preset, number, nullptr};
     return copy;
+  }
+  // Also true and false; and 0, which could otherwise be a null choice.
+  template <std::integral Number>
+  constexpr ParameterSpec Preset(const char* preset, Number number) const {
+    return Preset(preset, static_cast<double>(number));
   }
   constexpr ParameterSpec Preset(const char* preset, const char* choice) const {
     ParameterSpec copy = *this;
