@@ -17,11 +17,13 @@ if [ ${#studies[@]} -eq 0 ]; then
   studies=(
     fast
     norm=none
-    entropy_scale=0
+    "norm=none slow_critic_weight=0"
+    "norm=none entropy_scale=0"
     normalise_observations=false
     "actor_learning_rate=8e-5 value_learning_rate=8e-5"
     precision=float
     slow_critic_weight=0
+    entropy_scale=0
     "kl_posterior_factor=1 free_nats=3 free_nats_over=batch"
     "observation_weight=1 reward_weight=1"
     value_scale=1
@@ -29,6 +31,7 @@ if [ ${#studies[@]} -eq 0 ]; then
     return_scale=none
     "actor_initial_std=5 actor_min_std=1e-4"
     start_skip=0
+    run.train_every=3
     run.train_every=10
     imagination_starts=256
     horizon=15

@@ -31,7 +31,8 @@ constexpr ParameterSpec kParameters[] = {
     IntParameter("actor_layers", 4, 1, 8, "layers", "Hidden layers of the actor. [dreamer]"),
     IntParameter("value_layers", 3, 1, 8, "layers", "Hidden layers of the value. [dreamer]"),
     ChoiceParameter("norm", "layer", "none,layer",
-                    "Layer normalisation before every ELU. [v3, MR.Q; Ba et al. 2016]")
+                    "Layer normalisation before every ELU; walker_walk learns faster without it at "
+                    "first (results/ablation.md). [v3, MR.Q; Ba et al. 2016]")
         .Preset("paper", "none"),
 
     BoolParameter("normalise_observations", true,
