@@ -33,7 +33,7 @@ Done.
   logs          $root/$db.files/
 
 What to type next:
-  $bin/runner --env walker_walk --planner dreamer,mcts_pw --seeds 3    compare with Dreamer (hours)
+  $bin/runner --env walker_walk --planner dreamer,mcts_pw --seeds 3    compare with Dreamer (about an hour)
   $bin/runner list                                                     tasks, models, planners
   $bin/runner describe mcts_pw                                         what can be set
   sqlite3 $db "select * from v_curve"                     the numbers behind the curve
