@@ -75,23 +75,24 @@ std::string XLabel(CurveAxis axis) {
   return "";
 }
 
-// Where the x axis ends: published curves may be many times as long as our runs, and would
-// squeeze them into the margin. A tenth past our longest run, so that points at its end are
-// inside, or past the first published point if that comes later. Empty: everything is ours.
+// Where the x axis ends if published curves go on beyond our runs, as many do for millions of
+// steps, and would squeeze them into the margin: a tenth past our longest run, so that points at
+// its end are inside, or past the first published point if that comes later.
 std::optional<double> OwnEnd(const std::vector<Line>& lines) {
-  double own = 0, first_published = INFINITY;
-  bool published = false;
+  double own = 0, first_published = INFINITY, last_published = 0;
   for (const Line& line : lines) {
     for (const RunCurve& run : line.runs) {
       for (const double x : run.x) {
         if (!line.published) own = std::max(own, x);
         if (line.published && x > 0) first_published = std::min(first_published, x);
+        if (line.published) last_published = std::max(last_published, x);
       }
-      published = published || line.published;
     }
   }
-  if (!published || own == 0) return std::nullopt;
-  return 1.1 * (std::isfinite(first_published) ? std::max(own, first_published) : own);
+  if (own == 0 || last_published == 0) return std::nullopt;
+  const double end = 1.1 * std::max(own, first_published);
+  if (last_published <= end) return std::nullopt;
+  return end;
 }
 
 // Labels in the order of the planners, each with its style, equal in all panels.

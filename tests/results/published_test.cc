@@ -157,6 +157,7 @@ TEST(Published, TheAxisEndsWithOurRuns) {
   // Not so early that nothing of theirs is left.
   EXPECT_DOUBLE_EQ(*end({ours, line(true, {200000, 2e6})}), 220000);
   EXPECT_FALSE(end({line(true, {200000, 2e6})}));
+  EXPECT_FALSE(end({ours, line(true, {50000, 100000})}));
 }
 
 // The file of published scores, where it is at hand.
