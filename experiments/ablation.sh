@@ -41,14 +41,13 @@ fi
 
 for study in "${studies[@]}"; do
   settings=()
-  if [ "$study" != fast ]; then
-    for setting in $study; do
-      case $setting in
-        run.*) settings+=(--set "$setting") ;;
-        *) settings+=(--set "model.$setting") ;;
-      esac
-    done
-  fi
+  for setting in $study; do
+    case $setting in
+      fast) ;;
+      run.*) settings+=(--set "$setting") ;;
+      *) settings+=(--set "model.$setting") ;;
+    esac
+  done
   "$bin/runner" --env walker_walk,cartpole_swingup --planner dreamer --seeds 3 --steps 50000 \
     --study "$study" --db "$db" "${settings[@]}"
 done

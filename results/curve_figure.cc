@@ -10,6 +10,7 @@ namespace dreamsearch::results {
 namespace {
 
 constexpr std::size_t kGapsShown = 5;
+constexpr char kCutNote[] = " Published curves go on beyond the axis.";
 
 // 97.5 % quantile of Student's t with n - 1 degrees of freedom, n from 2.
 double StudentT(int n) {
@@ -93,6 +94,13 @@ std::optional<double> OwnEnd(const std::vector<Line>& lines) {
   const double end = 1.1 * std::max(own, first_published);
   if (last_published <= end) return std::nullopt;
   return end;
+}
+
+// On a logarithmic axis they squeeze nothing, and are drawn whole.
+void SetXAxis(const std::vector<Line>& lines, const CurveRequest& request, Figure* figure) {
+  figure->x_label = XLabel(request.axis);
+  figure->x_log = request.log_x;
+  if (!request.log_x) figure->x_high = OwnEnd(lines);
 }
 
 // Labels in the order of the planners, each with its style, equal in all panels.
@@ -214,8 +222,7 @@ std::vector<std::string> Gaps(const std::vector<Line>& lines) {
 Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
                     CurveInterval interval) {
   Figure figure;
-  figure.x_label = XLabel(request.axis);
-  figure.x_high = OwnEnd(lines);
+  SetXAxis(lines, request, &figure);
   figure.y_label = YLabel(request);
   std::vector<std::string> order;
   std::map<std::string, int> styles = StylesOf(lines, &order);
@@ -257,7 +264,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
   }
   if (two) note += " Small markers: each of two seeds; fewer than 3 give no interval.";
   if (most_shown < 2) note += " Fewer than 3 seeds give no interval.";
-  if (figure.x_high) note += " Published curves go on beyond the axis.";
+  if (figure.x_high) note += kCutNote;
   if (uneven) note += " Thin: seeds that have gone further than others.";
   if (request.phase == CurvePhase::kEvaluation) {
     note += " With search: evaluated with the planner; actor: with the actor's mode action.";
@@ -269,8 +276,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
 
 Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& request) {
   Figure figure;
-  figure.x_label = XLabel(request.axis);
-  figure.x_high = OwnEnd(lines);
+  SetXAxis(lines, request, &figure);
   figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
   std::vector<std::string> order;
   std::map<std::string, int> styles = StylesOf(lines, &order);
@@ -345,9 +351,12 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
                          {.text = *label + phase + " (" + Counted(counts) + ")", .style = style});
   }
   figure.panels.push_back(std::move(panel));
-  figure.notes.insert(figure.notes.begin(),
-                      "Line: mean over seeds of the mean over tasks of (return - low) / (high - "
-                      "low). Band: minimum to maximum over seeds; fewer than 3 give none.");
+  std::string note =
+      "Line: mean over seeds of the mean over tasks of (return - low) / (high - low). Band: "
+      "minimum "
+      "to maximum over seeds; fewer than 3 give none.";
+  if (figure.x_high) note += kCutNote;
+  figure.notes.insert(figure.notes.begin(), note);
   AddGapNotes(lines, &figure.notes);
   return figure;
 }

@@ -19,6 +19,7 @@ struct CurveRequest {
   RunFilter filter;
   CurvePhase phase = CurvePhase::kEvaluation;
   CurveAxis axis = CurveAxis::kSteps;
+  bool log_x = false;
   int smooth = 1;  // points of a centred moving mean; 1: none
   // Sources of `published` to draw beside: methods, as "method" or "method/obs".
   std::vector<std::string> published;

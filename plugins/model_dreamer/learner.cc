@@ -215,9 +215,8 @@ void Learner<T>::Gradients(UpdateLosses* losses) {
       behaviour_.DreamIn(task - 1, world_);
     }
   });
-  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
   losses->model_gradient_norm = Norm(world_.group());
-  EndDream(losses);
+  EndDream(lanes, losses);
 }
 
 template <typename T>
@@ -232,8 +231,7 @@ template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
   const Index lanes = BeginDream(stops);
   threads_.Run(lanes, [&](Index lane) { behaviour_.DreamIn(lane, world_); });
-  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
-  EndDream(losses);
+  EndDream(lanes, losses);
 }
 
 template <typename T>
@@ -255,7 +253,8 @@ Index Learner<T>::BeginDream(const DreamStops<T>* stops) {
 }
 
 template <typename T>
-void Learner<T>::EndDream(UpdateLosses* losses) {
+void Learner<T>::EndDream(Index lanes, UpdateLosses* losses) {
+  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
   behaviour_.EndDream(&losses->dream);
   losses->actor_gradient_norm = Norm(behaviour_.actor());
   losses->value_gradient_norm = Norm(behaviour_.value());

@@ -78,7 +78,8 @@ class Learner {
   void RoundWeights();
   // Clears the gradients and shares the dream out; returns the number of lanes.
   Index BeginDream(const DreamStops<T>* stops);
-  void EndDream(UpdateLosses* losses);
+  // Takes the lanes' last regressions and adds the gradients up.
+  void EndDream(Index lanes, UpdateLosses* losses);
 
   Settings settings_;
   Index o_, a_;

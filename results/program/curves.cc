@@ -41,6 +41,7 @@ int CurvesCommand(const Words& words) {
   request.filter = selection.filter;
   request.phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
   request.axis = ParseCurveAxis(arguments.Get<std::string>("x"));
+  request.log_x = arguments.Has("log-x");
   request.smooth =
       static_cast<int>(ParseNumber(arguments.Get<std::string>("smooth"), "--smooth", 1));
   request.published = arguments.List("published");
@@ -64,7 +65,6 @@ int CurvesCommand(const Words& words) {
                   : kind == "mean" ? CurvesOverTasks(lines, request)
                                    : TimeByPlanner(databases, selection.filter);
   figure.title = arguments.Get<std::string>("title");
-  figure.x_log = arguments.Has("log-x") && kind != "time";
   for (const std::string& out : outs) {
     if (IsTablePath(out)) {
       PrintTable(CurveTable(lines), "text", out);

@@ -158,6 +158,16 @@ TEST(Published, TheAxisEndsWithOurRuns) {
   EXPECT_DOUBLE_EQ(*end({ours, line(true, {200000, 2e6})}), 220000);
   EXPECT_FALSE(end({line(true, {200000, 2e6})}));
   EXPECT_FALSE(end({ours, line(true, {50000, 100000})}));
+  // A logarithmic axis has all of them, and the note says nothing of a cut.
+  const Line theirs = line(true, {0, 50000, 2e6});
+  const auto cut = [&](bool log_x) {
+    const Figure figure = CurvesByTask({ours, theirs}, {.log_x = log_x}, CurveInterval::kMinMax);
+    EXPECT_EQ(figure.x_log, log_x);
+    return figure.x_high.has_value() ||
+           figure.notes.at(0).find("beyond the axis") != std::string::npos;
+  };
+  EXPECT_TRUE(cut(false));
+  EXPECT_FALSE(cut(true));
 }
 
 // The file of published scores, where it is at hand.
