@@ -92,7 +92,7 @@ void Behaviour<T>::UpdateSlow() {
 template <typename T>
 Index Behaviour<T>::BeginDream(const DreamInput<T>& input) {
   input_ = input;
-  const Index starts = input.starts.cols;
+  const auto starts = static_cast<Index>(input.starts.size);
   returns_.resize(static_cast<std::size_t>(starts * settings_.horizon));
   const Index blocks = (starts + kStartsPerBlock - 1) / kStartsPerBlock;
   lanes_ = std::min(blocks, static_cast<Index>(lane_.size()));
@@ -100,6 +100,8 @@ Index Behaviour<T>::BeginDream(const DreamInput<T>& input) {
     DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
     lane.first = i * blocks / lanes_ * kStartsPerBlock;
     lane.count = std::min((i + 1) * blocks / lanes_ * kStartsPerBlock, starts) - lane.first;
+    lane.dreamt.Reset();
+    lane.learnt.Reset();
   }
   return lanes_;
 }
@@ -107,6 +109,7 @@ Index Behaviour<T>::BeginDream(const DreamInput<T>& input) {
 template <typename T>
 void Behaviour<T>::DreamIn(Index index, const WorldModel<T>& world) {
   DreamLane<T>& lane = lane_[static_cast<std::size_t>(index)];
+  const ReachAtEnd dreamt(&lane.dreamt);
   SetZero(lane.actor_gradient.Shape(actor_group_.size(), 1));
   SetZero(lane.value_gradient.Shape(value_group_.size(), 1));
   lane.losses = DreamLosses();
@@ -120,7 +123,30 @@ void Behaviour<T>::DreamIn(Index index, const WorldModel<T>& world) {
 
 template <typename T>
 void Behaviour<T>::LearnIn(Index index) {
-  LearnFromBlock(&lane_[static_cast<std::size_t>(index)]);
+  DreamLane<T>& lane = lane_[static_cast<std::size_t>(index)];
+  const ReachAtEnd learnt(&lane.learnt);
+  lane.dreamt.Await(1);
+  LearnFromBlock(&lane);
+}
+
+template <typename T>
+void Behaviour<T>::AddGradients(Buffer<T> DreamLane<T>::*gradient, ParameterGroup<T>* group) {
+  for (Index i = 0; i < lanes_; ++i) {
+    DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
+    lane.learnt.Await(1);
+    Add<T>(Mat<const T>((lane.*gradient).data(), group->size(), 1),
+           Mat<T>(group->gradient(), group->size(), 1));
+  }
+}
+
+template <typename T>
+void Behaviour<T>::AddActorGradients() {
+  AddGradients(&DreamLane<T>::actor_gradient, &actor_group_);
+}
+
+template <typename T>
+void Behaviour<T>::AddValueGradients() {
+  AddGradients(&DreamLane<T>::value_gradient, &value_group_);
 }
 
 template <typename T>
@@ -128,12 +154,6 @@ void Behaviour<T>::EndDream(DreamLosses* losses) {
   *losses = DreamLosses();
   for (Index i = 0; i < lanes_; ++i) {
     const DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
-    const auto add = [](ParameterGroup<T>& group, const Buffer<T>& gradient) {
-      Add<T>(Mat<const T>(gradient.data(), group.size(), 1),
-             Mat<T>(group.gradient(), group.size(), 1));
-    };
-    add(actor_group_, lane.actor_gradient);
-    add(value_group_, lane.value_gradient);
     losses->actor += lane.losses.actor;
     losses->value += lane.losses.value;
     losses->imagined_return += lane.losses.imagined_return;
@@ -141,7 +161,7 @@ void Behaviour<T>::EndDream(DreamLosses* losses) {
     losses->entropy += lane.losses.entropy;
     losses->actor_std += lane.losses.actor_std;
   }
-  const auto starts = static_cast<double>(input_.starts.cols);
+  const auto starts = static_cast<double>(input_.starts.size);
   const double mean = 1.0 / (starts * static_cast<double>(settings_.horizon));
   losses->actor *= mean;
   losses->value *= mean;
@@ -159,14 +179,14 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
   const Index m = lane->block_count;
   const Index horizon = settings_.horizon;
   const Index n = horizon * m;  // decisions of the block, tau-major
-  const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
+  const auto starts = static_cast<Index>(input.starts.size);
+  const T mean = T(1) / static_cast<T>(starts * horizon);
   const auto latent_noise = [&](Index tau) {
-    return input.latent_noise.Cols(tau * input.starts.cols + first, m);
+    return input.latent_noise.Cols(tau * starts + first, m);
   };
   const Mat<T> action_noise = lane->action_noise.Shape(a_, n);
   for (Index tau = 0; tau < horizon; ++tau) {
-    Copy<T>(input.action_noise.Cols(tau * input.starts.cols + first, m),
-            action_noise.Cols(tau * m, m));
+    Copy<T>(input.action_noise.Cols(tau * starts + first, m), action_noise.Cols(tau * m, m));
   }
   const Weights<T> actor = actor_group_.training(&lane->rounded_scratch);
   const Weights<T> value = value_group_.training(&lane->rounded_scratch);
@@ -181,7 +201,11 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
   const Mat<T> entropy = lane->entropy.Shape(1, n);
   actor_.Reserve(n, &lane->actor_tape);
   world.Reserve(n, &lane->transitions);
-  Copy<T>(input.starts.Cols(first, m), states.Cols(0, m));
+  const Index* columns = input.starts.data + first;
+  input.known->Await(columns[m - 1] + 1);
+  for (Index i = 0; i < m; ++i) {
+    Copy<T>(input.states.Cols(columns[i], 1), states.Cols(i, 1));
+  }
   for (Index tau = 0; tau < horizon; ++tau) {
     const Index at = tau * m;
     const Mat<T> now = states.Cols(at, m);
@@ -271,7 +295,7 @@ void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
   const DreamInput<T>& input = input_;
   const Index horizon = settings_.horizon;
   const Index n = horizon * lane->block_count;
-  const T mean = T(1) / static_cast<T>(input.starts.cols * horizon);
+  const T mean = T(1) / static_cast<T>(static_cast<Index>(input.starts.size) * horizon);
   const auto left = [&](Buffer<T>& buffer, Index rows) { return Mat<T>(buffer.data(), rows, n); };
   const In<T> states = left(lane->states, settings_.state_size());
 

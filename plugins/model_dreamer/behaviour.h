@@ -20,6 +20,7 @@
 
 #include "plugins/model_dreamer/layers.h"
 #include "plugins/model_dreamer/settings.h"
+#include "plugins/model_dreamer/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
 
 namespace dreamsearch::dreamer {
@@ -61,7 +62,9 @@ struct DreamStops {
 // Starts and draws of a dream; the noise of start i at tau is column tau * K + i.
 template <typename T>
 struct DreamInput {
-  Mat<const T> starts;                   // [Z + D, K]
+  Mat<const T> states;                   // [Z + D, n]
+  View<const Index> starts;              // [K], columns of states, ascending
+  Progress* known = nullptr;             // how many of those columns are known yet
   Mat<const T> latent_noise;             // [Z, K * H]
   Mat<const T> action_noise;             // [A, K * H]
   double return_scale = 1;               // S
@@ -76,7 +79,8 @@ struct DreamLane {
   Index count = 0;
   Index block_first = 0;  // the starts that the buffers are about
   Index block_count = 0;
-  DreamLosses losses;  // sums
+  Progress dreamt, learnt;  // reach 1
+  DreamLosses losses;       // sums
   Buffer<T> actor_gradient, value_gradient;
 
   TransitionTape<T> transitions;
@@ -111,13 +115,15 @@ class Behaviour {
 
   // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
   // starts out and returns how many lanes there are; DreamIn dreams in one of them and
-  // learns from all but its last block, LearnIn from that one; both in any order of
-  // lanes and at the same time as in others. Two tasks a lane let threads end together
-  // though the lanes are few. EndDream adds the gradients of both losses to the
-  // groups', lane by lane. `input` lives until then.
+  // learns from all but its last block, LearnIn from that one. AddActorGradients and
+  // AddValueGradients add the lanes' gradients to the groups', in their order. Each may
+  // have a thread of its own and waits for what it needs, so they are to be begun in this
+  // order, for every lane. EndDream follows when all have ended; `input` lives until then.
   Index BeginDream(const DreamInput<T>& input);
   void DreamIn(Index lane, const WorldModel<T>& world);
   void LearnIn(Index lane);
+  void AddActorGradients();
+  void AddValueGradients();
   void EndDream(DreamLosses* losses);
   // V_tau of the last dream, [K * H]; tau-major in each block of starts.
   const std::vector<T>& returns() const { return returns_; }
@@ -137,6 +143,8 @@ class Behaviour {
   void DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane);
   // Both losses' gradients in the weights, from what DreamBlock left.
   void LearnFromBlock(DreamLane<T>* lane);
+  // group's gradient += the lanes'.
+  void AddGradients(Buffer<T> DreamLane<T>::*gradient, ParameterGroup<T>* group);
 
   Settings settings_;
   Index a_;

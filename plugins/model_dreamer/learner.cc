@@ -195,6 +195,8 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
     }
     starts_[j] = candidates_[j];
   }
+  // In the order of time, so that the first can dream while the posterior unrolls.
+  std::sort(starts_.begin(), starts_.end());
   const Mat<T> latent = latent_noise_.Shape(settings_.stochastic, wanted * settings_.horizon);
   FillNormal(DeriveSeed(seed, kLatentNoise), latent.data, latent.size());
   const Mat<T> action = action_noise_.Shape(a_, wanted * settings_.horizon);
@@ -204,60 +206,63 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
 
 template <typename T>
 void Learner<T>::Gradients(UpdateLosses* losses) {
-  world_.group().ClearGradient();
-  world_.Unroll(batch_);
-  const Index lanes = BeginDream(nullptr);
-  // The longest first.
-  threads_.Run(1 + lanes, [&](Index task) {
+  states_known_.Reset();
+  const Index tasks = BeginDream(nullptr);
+  threads_.Run(1 + tasks, [&](Index task) {
     if (task == 0) {
-      world_.Fit(batch_, &losses->fit);
+      FitGradients(losses);
     } else {
-      behaviour_.DreamIn(task - 1, world_);
+      DreamTask(task - 1, losses);
     }
   });
-  losses->model_gradient_norm = Norm(world_.group());
-  EndDream(lanes, losses);
+  behaviour_.EndDream(&losses->dream);
 }
 
 template <typename T>
 void Learner<T>::FitGradients(UpdateLosses* losses) {
   world_.group().ClearGradient();
-  world_.Unroll(batch_);
+  world_.Unroll(batch_, &states_known_);
   world_.Fit(batch_, &losses->fit);
   losses->model_gradient_norm = Norm(world_.group());
 }
 
 template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
-  const Index lanes = BeginDream(stops);
-  threads_.Run(lanes, [&](Index lane) { behaviour_.DreamIn(lane, world_); });
-  EndDream(lanes, losses);
+  const Index tasks = BeginDream(stops);
+  threads_.Run(tasks, [&](Index task) { DreamTask(task, losses); });
+  behaviour_.EndDream(&losses->dream);
 }
 
 template <typename T>
 Index Learner<T>::BeginDream(const DreamStops<T>* stops) {
-  behaviour_.actor().ClearGradient();
-  behaviour_.value().ClearGradient();
   const auto count = static_cast<Index>(starts_.size());
-  const Mat<T> states = start_states_.Shape(settings_.state_size(), count);
-  for (Index j = 0; j < count; ++j) {
-    Copy<T>(world_.states().Cols(starts_[static_cast<std::size_t>(j)], 1), states.Cols(j, 1));
-  }
   DreamInput<T> input;
-  input.stops = stops;
-  input.starts = states;
+  input.states = world_.ReserveStates(batch_);
+  input.starts = {starts_.data(), starts_.size()};
+  input.known = &states_known_;
   input.latent_noise = latent_noise_.Shape(settings_.stochastic, count * settings_.horizon);
   input.action_noise = action_noise_.Shape(a_, count * settings_.horizon);
   input.return_scale = settings_.percentile_return_scale ? std::max(1.0, return_scale_) : 1.0;
-  return behaviour_.BeginDream(input);
+  input.stops = stops;
+  lanes_ = behaviour_.BeginDream(input);
+  return 2 * lanes_ + 2;
 }
 
 template <typename T>
-void Learner<T>::EndDream(Index lanes, UpdateLosses* losses) {
-  threads_.Run(lanes, [&](Index lane) { behaviour_.LearnIn(lane); });
-  behaviour_.EndDream(&losses->dream);
-  losses->actor_gradient_norm = Norm(behaviour_.actor());
-  losses->value_gradient_norm = Norm(behaviour_.value());
+void Learner<T>::DreamTask(Index task, UpdateLosses* losses) {
+  if (task < lanes_) {
+    behaviour_.DreamIn(task, world_);
+  } else if (task < 2 * lanes_) {
+    behaviour_.LearnIn(task - lanes_);
+  } else if (task == 2 * lanes_) {
+    behaviour_.actor().ClearGradient();
+    behaviour_.AddActorGradients();
+    losses->actor_gradient_norm = Norm(behaviour_.actor());
+  } else {
+    behaviour_.value().ClearGradient();
+    behaviour_.AddValueGradients();
+    losses->value_gradient_norm = Norm(behaviour_.value());
+  }
 }
 
 template <typename T>

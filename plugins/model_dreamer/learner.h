@@ -76,10 +76,10 @@ class Learner {
  private:
   // After a change of all parameters.
   void RoundWeights();
-  // Clears the gradients and shares the dream out; returns the number of lanes.
+  // Shares the dream out and returns the number of its tasks, which are to be begun in
+  // order. They follow the posterior as it unrolls and leave the gradients and their norms.
   Index BeginDream(const DreamStops<T>* stops);
-  // Takes the lanes' last regressions and adds the gradients up.
-  void EndDream(Index lanes, UpdateLosses* losses);
+  void DreamTask(Index task, UpdateLosses* losses);
 
   Settings settings_;
   Index o_, a_;
@@ -93,11 +93,12 @@ class Learner {
   // The batch being learned from.
   ObservationStatistics next_statistics_;
   Sequences<T> batch_;
-  std::vector<Index> starts_;  // columns of the posterior
+  std::vector<Index> starts_;  // columns of the posterior, ascending
   std::vector<Index> candidates_;
+  Progress states_known_;  // columns of the posterior
+  Index lanes_ = 0;
   std::vector<T> sorted_returns_;
-  Buffer<T> observations_, actions_, rewards_, continues_, noise_, latent_noise_, action_noise_,
-      start_states_;
+  Buffer<T> observations_, actions_, rewards_, continues_, noise_, latent_noise_, action_noise_;
 };
 
 }  // namespace dreamsearch::dreamer

@@ -2,10 +2,28 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <csignal>
 #include <utility>
 
 namespace dreamsearch::dreamer {
+
+void Progress::Reach(Index mark) {
+  const std::lock_guard lock(mutex_);
+  reached_ = mark;
+  if (mark < awaited_ && mark != kAbandoned) return;
+  awaited_ = kNothing;
+  moved_.notify_all();
+}
+
+void Progress::Await(Index mark) {
+  std::unique_lock lock(mutex_);
+  while (reached_ < mark) {
+    if (reached_ == kAbandoned) throw Abandoned();
+    awaited_ = std::min(awaited_, mark);
+    moved_.wait(lock);
+  }
+}
 
 TaskThreads::TaskThreads(Index threads) {
   // Signals are for the thread that was there before.
@@ -55,6 +73,7 @@ void TaskThreads::Work(std::unique_lock<std::mutex>* lock) {
     std::exception_ptr error;
     try {
       call_(context_, task);
+    } catch (const Progress::Abandoned&) {
     } catch (...) {
       error = std::current_exception();
     }

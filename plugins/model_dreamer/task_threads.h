@@ -7,6 +7,7 @@
 
 #include <condition_variable>
 #include <exception>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -14,6 +15,50 @@
 #include "plugins/model_dreamer/matrix.h"
 
 namespace dreamsearch::dreamer {
+
+// How far a task has come, for tasks of the same run that use what it writes. A task may
+// wait only for tasks of smaller numbers: those have begun, so the wait ends.
+class Progress {
+ public:
+  // What Await throws when the task it waits for has thrown; ends the waiting task.
+  struct Abandoned {};
+
+  // Before the run.
+  void Reset() { reached_ = 0; }
+  // What the task has written so far may be read by those who await `mark` or less.
+  void Reach(Index mark);
+  void Abandon() { Reach(kAbandoned); }
+  void Await(Index mark);
+
+ private:
+  static constexpr Index kAbandoned = -1;
+  static constexpr Index kNothing = std::numeric_limits<Index>::max();
+
+  std::mutex mutex_;
+  std::condition_variable moved_;
+  Index reached_ = 0;
+  Index awaited_ = kNothing;  // the least mark that anybody waits for: no others are woken
+};
+
+// Reaches `mark` at the end of its scope, or abandons what an exception leaves undone.
+class ReachAtEnd {
+ public:
+  explicit ReachAtEnd(Progress* progress, Index mark = 1) : progress_(progress), mark_(mark) {}
+  ~ReachAtEnd() {
+    if (std::uncaught_exceptions() > exceptions_) {
+      progress_->Abandon();
+    } else {
+      progress_->Reach(mark_);
+    }
+  }
+  ReachAtEnd(const ReachAtEnd&) = delete;
+  ReachAtEnd& operator=(const ReachAtEnd&) = delete;
+
+ private:
+  Progress* progress_;
+  Index mark_;
+  int exceptions_ = std::uncaught_exceptions();
+};
 
 class TaskThreads {
  public:
@@ -24,7 +69,8 @@ class TaskThreads {
   TaskThreads& operator=(const TaskThreads&) = delete;
 
   // task(i) for every i in [0, count), begun in this order; returns when all have ended.
-  // Then throws what a task threw, if any did. Allocates nothing.
+  // Then throws what a task threw, if any did; Progress::Abandoned is no error of its own.
+  // Allocates nothing.
   template <typename Task>
   void Run(Index count, Task&& task) {
     RunAll(

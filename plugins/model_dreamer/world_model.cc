@@ -66,7 +66,17 @@ void WorldModel<T>::Recur(const Weights<T>& p, In<T> state, bool start,
 }
 
 template <typename T>
-void WorldModel<T>::Unroll(const Sequences<T>& batch) {
+Mat<const T> WorldModel<T>::ReserveStates(const Sequences<T>& batch) {
+  const Index b = batch.count;
+  const Index n = b * batch.length;
+  all_states_ = states_buffer_.Shape(z_ + d_, b + n);
+  states_ = all_states_.Cols(b, n);
+  return states_;
+}
+
+template <typename T>
+void WorldModel<T>::Unroll(const Sequences<T>& batch, Progress* known) {
+  const ReachAtEnd all_known(known, batch.count * batch.length);
   const Weights<T> p = group_.training(&rounded_scratch_);
   const Index b = batch.count;
   const Index steps = batch.length;
@@ -85,9 +95,9 @@ void WorldModel<T>::Unroll(const Sequences<T>& batch) {
   posterior_hidden_.Add(p, 1, In<T>(embedding), hidden.output);
 
   // The recurrence.
-  const Mat<T> all = all_states_ = states_buffer_.Shape(z_ + d_, b + n);
+  ReserveStates(batch);
+  const Mat<T> all = all_states_;
   SetZero(all.Cols(0, b));
-  states_ = all.Cols(b, n);
   const Mat<T> gates = gates_.Shape(4 * d_, n);
   const Mat<T> q_raw = posterior_raw_.Shape(2 * z_, n);
   const Mat<T> q_std = posterior_std_.Shape(z_, n);
@@ -100,6 +110,7 @@ void WorldModel<T>::Unroll(const Sequences<T>& batch) {
     posterior_out_.Forward(p, In<T>(now.output), q_raw.Cols(t * b, b));
     GaussianForward<T>(q_raw.Cols(t * b, b), batch.noise.Cols(t * b, b), min_std_,
                        q_std.Cols(t * b, b), Stochastic(next));
+    known->Reach((t + 1) * b);
   }
 }
 

@@ -12,6 +12,7 @@
 
 #include "plugins/model_dreamer/layers.h"
 #include "plugins/model_dreamer/settings.h"
+#include "plugins/model_dreamer/task_threads.h"
 
 namespace dreamsearch::dreamer {
 
@@ -68,11 +69,14 @@ class WorldModel {
   ParameterGroup<T>& group() { return group_; }
   const ParameterGroup<T>& group() const { return group_; }
 
-  // A fit in two halves: Unroll takes the posterior over the batch from zero states;
-  // Fit adds the gradient of losses->total to the group's. Dreams may run beside Fit.
-  void Unroll(const Sequences<T>& batch);
+  // A fit in two halves: Unroll takes the posterior over the batch from zero states and
+  // tells how many of its states are `known`; Fit adds the gradient of losses->total to the
+  // group's. Dreams may run beside both.
+  void Unroll(const Sequences<T>& batch, Progress* known);
   void Fit(const Sequences<T>& batch, FitLosses* losses);
-  Mat<T> states() const { return states_; }  // [Z + D, T * B], of the last Unroll
+  // Where Unroll is going to leave its states, and the last Unroll's: [Z + D, T * B].
+  Mat<const T> ReserveStates(const Sequences<T>& batch);
+  Mat<T> states() const { return states_; }
 
   void Reserve(Index columns, TransitionTape<T>* tape) const;
 

@@ -39,6 +39,7 @@ Json Changes(const std::string& name) {
           {"continuation_layers", 1},
           {"actor_layers", 2},
           {"value_layers", 1},
+          {"norm", "layer"},
           {"horizon", 4},
           {"imagination_starts", 5},
           {"start_skip", 1},
