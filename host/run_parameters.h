@@ -30,9 +30,9 @@ inline constexpr ParameterSpec kRunParameters[] = {
                  "Updates before the first training episode (Dreamer).")
         .Preset("fast", 100)
         .Preset("paper", 100),
-    IntParameter("train_every", 5, 1, 1000000, "steps",
+    IntParameter("train_every", 3, 1, 1000000, "steps",
                  "Environment steps for which one update is made, at each episode's end.")
-        .Preset("fast", 5)
+        .Preset("fast", 3)
         .Preset("paper", 10),
     IntParameter("batch_size", 16, 1, 4096, "sequences", "Sequences in a training batch.")
         .Preset("fast", 16)

@@ -30,10 +30,9 @@ constexpr ParameterSpec kParameters[] = {
                  "Hidden layers of the continuation model. [dreamer]"),
     IntParameter("actor_layers", 4, 1, 8, "layers", "Hidden layers of the actor. [dreamer]"),
     IntParameter("value_layers", 3, 1, 8, "layers", "Hidden layers of the value. [dreamer]"),
-    ChoiceParameter("norm", "layer", "none,layer",
-                    "Layer normalisation before every ELU; walker_walk learns faster without it at "
-                    "first (results/ablation.md). [v3, MR.Q; Ba et al. 2016]")
-        .Preset("paper", "none"),
+    ChoiceParameter("norm", "none", "none,layer",
+                    "Layer normalisation before every ELU; slower, and not better "
+                    "(results/ablation.md). [v3, MR.Q; Ba et al. 2016]"),
 
     BoolParameter("normalise_observations", true,
                   "Encode and predict observations standardised by the running mean and variance "
