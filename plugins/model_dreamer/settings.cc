@@ -11,14 +11,14 @@ namespace {
 // [ours] chosen here, see README.md.
 constexpr ParameterSpec kParameters[] = {
     IntParameter("deterministic", 128, 1, 4096, "units",
-                 "Size of the deterministic latent, the GRU's state. [paper: 200]")
+                 "Size of the deterministic latent, the GRU's state. [ours; paper: 200]")
         .Preset("paper", 200),
     IntParameter("stochastic", 32, 1, 1024, "units",
-                 "Size of the stochastic latent, a diagonal Gaussian. [paper: 30]")
+                 "Size of the stochastic latent, a diagonal Gaussian. [ours; paper: 30]")
         .Preset("paper", 30),
     IntParameter("hidden", 128, 1, 4096, "units",
-                 "Width of every hidden layer and of the embedding. [paper: 200, the authors' "
-                 "code]")
+                 "Width of every hidden layer and of the embedding. [ours; paper: 200, the "
+                 "authors' code]")
         .Preset("paper", 200),
     IntParameter("encoder_layers", 3, 1, 8, "layers",
                  "Layers of the encoder, the last gives the embedding. [dreamer]"),
@@ -43,17 +43,18 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("observation_clip", 10, 1, 1e6, "deviations",
                   "Standardised observations are clipped to plus and minus this. [ours]"),
     RealParameter("observation_weight", 5, 0, 1e4, "",
-                  "Factor of the observation loss; a component of smaller variance than its "
-                  "inverse is not encoded (reverse water-filling). [ours; paper 1]")
+                  "Factor of the observation loss; a component of smaller variance than "
+                  "kl_scale * kl_posterior_factor over it is not encoded (reverse "
+                  "water-filling). [ours; paper: 1]")
         .Preset("paper", 1),
     RealParameter("reward_weight", 50, 0, 1e6, "",
-                  "Factor of the reward loss. [ours, as observation_weight; paper 1]")
+                  "Factor of the reward loss. [ours, as observation_weight; paper: 1]")
         .Preset("paper", 1),
     RealParameter("kl_scale", 1, 0, 1e3, "", "beta, the factor of the KL divergence. [paper]"),
     RealParameter("kl_prior_factor", 1, 0, 10, "",
                   "Factor of the divergence's gradient into the prior. [v3]"),
     RealParameter("kl_posterior_factor", 0.1, 0, 10, "",
-                  "Factor of the divergence's gradient into the posterior. [v3: 0.1; paper 1]")
+                  "Factor of the divergence's gradient into the posterior. [v3: 0.1; paper: 1]")
         .Preset("paper", 1),
     RealParameter("free_nats", 1, 0, 100, "nats",
                   "Divergence that costs nothing. [v3: 1; dreamer: 3]")
@@ -75,7 +76,7 @@ constexpr ParameterSpec kParameters[] = {
         "[v3]")
         .Preset("paper", false),
 
-    IntParameter("horizon", 12, 1, 100, "decisions", "H, the length of a dream. [paper: 15]")
+    IntParameter("horizon", 12, 1, 100, "decisions", "H, the length of a dream. [ours; paper: 15]")
         .Preset("paper", 15),
     IntParameter("imagination_starts", 128, 0, 1000000, "states",
                  "Posterior states of the batch that dreams start from; 0 for all. [ours; paper: "
@@ -84,7 +85,7 @@ constexpr ParameterSpec kParameters[] = {
     IntParameter(
         "start_skip", 4, 0, 1000, "decisions",
         "First steps of a sequence that no dream starts from, while the latent forgets its "
-        "zero start; at most length - 1. [ours; paper 0]")
+        "zero start; at most length - 1. [ours; paper: 0]")
         .Preset("paper", 0),
     RealParameter("discount", 0.99, 0, 1, "", "gamma, for one decision. [paper]"),
     RealParameter("lambda", 0.95, 0, 1, "", "The mix of the lambda-return. [paper]"),
@@ -96,8 +97,10 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("actor_min_std", 0.1, 0, 1, "",
                   "Least standard deviation of the actor before tanh. [v3: 0.1; dreamer: 1e-4]")
         .Preset("paper", 1e-4),
-    RealParameter("entropy_scale", 3e-3, 0, 10, "",
-                  "Bonus on the actor's entropy, in units of the return scale. [v2, v3]")
+    RealParameter(
+        "entropy_scale", 3e-3, 0, 10, "",
+        "Bonus on the actor's entropy, in units of the return scale. [ours; v3: 3e-4; v2 on "
+        "states: 1e-4; paper: 0]")
         .Preset("paper", 0),
     ChoiceParameter("return_scale", "percentile", "none,percentile",
                     "What the actor's returns are divided by: 1, or a moving average of their 5 to "
@@ -107,7 +110,7 @@ constexpr ParameterSpec kParameters[] = {
                   "Rate of that moving average, per update. [v3]"),
     RealParameter("value_scale", 100, 0.01, 1e4, "",
                   "The value is this times the network's output, which is fitted in its own units. "
-                  "[ours: 1 / (1 - gamma); paper 1]")
+                  "[ours: 1 / (1 - gamma); paper: 1]")
         .Preset("paper", 1),
     RealParameter("slow_critic_weight", 1, 0, 100, "",
                   "Factor of the value's squared distance from its slow copy. [v3; paper: none]")
@@ -125,7 +128,7 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", 8e-5),
     RealParameter("adam_beta1", 0.9, 0, 0.9999, "", "Decay of Adam's first moment. [dreamer]"),
     RealParameter("adam_beta2", 0.999, 0, 0.999999, "", "Decay of Adam's second moment. [dreamer]"),
-    RealParameter("adam_epsilon", 1e-7, 0, 1, "", "Adam's epsilon. [dreamer]"),
+    RealParameter("adam_epsilon", 1e-7, 1e-20, 1, "", "Adam's epsilon. [dreamer]"),
     RealParameter("gradient_clip", 100, 1e-6, 1e9, "",
                   "Largest norm of a group's gradient; longer ones are shortened. [dreamer]"),
 
@@ -205,17 +208,17 @@ View<const ParameterSpec> DeclaredParameters() {
   return {kParameters, sizeof kParameters / sizeof *kParameters};
 }
 
+ParameterValue ValueUnder(const ParameterSpec& spec, const char* preset) {
+  for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
+    const PresetValue& value = spec.presets[i];
+    if (std::strcmp(value.preset, preset) == 0) return {spec.name, value.number, value.choice};
+  }
+  return {spec.name, spec.default_number, spec.default_choice};
+}
+
 Settings PresetSettings(const char* preset) {
   std::vector<ParameterValue> values;
-  for (const ParameterSpec& spec : DeclaredParameters()) {
-    ParameterValue value = {spec.name, spec.default_number, spec.default_choice};
-    for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
-      if (std::strcmp(spec.presets[i].preset, preset) != 0) continue;
-      value.number = spec.presets[i].number;
-      value.choice = spec.presets[i].choice;
-    }
-    values.push_back(value);
-  }
+  for (const ParameterSpec& spec : DeclaredParameters()) values.push_back(ValueUnder(spec, preset));
   return SettingsFrom({{values.data(), values.size()}});
 }
 
