@@ -4,14 +4,6 @@
 #include <cmath>
 
 namespace dreamsearch::dreamer {
-namespace {
-
-// Starts dreamt of at once: enough columns for fast products, few enough that what a
-// block leaves for its way back is still in the cache then (7 MB with the paper's sizes).
-constexpr Index kStartsPerBlock = 32;
-
-}  // namespace
-
 template <typename T>
 void LambdaReturns(Index horizon, Index n, T lambda, const T* rewards, const T* discounts,
                    const T* values, T* returns) {
@@ -64,7 +56,9 @@ template <typename T>
 void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding) {
   actor_group_.Allocate(actor_seed, rounding);
   value_group_.Allocate(value_seed, rounding);
-  if (rounding.training) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
+  if (rounding.training && settings_.slow_critic_weight > 0) {
+    slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
+  }
   ResetSlow();
 }
 
@@ -95,7 +89,7 @@ Index Behaviour<T>::BeginDream(const DreamInput<T>& input) {
   const auto starts = static_cast<Index>(input.starts.size);
   returns_.resize(static_cast<std::size_t>(starts * settings_.horizon));
   const Index blocks = (starts + kStartsPerBlock - 1) / kStartsPerBlock;
-  lanes_ = std::min(blocks, static_cast<Index>(lane_.size()));
+  lanes_ = std::min(blocks, kMaxLanes);
   for (Index i = 0; i < lanes_; ++i) {
     DreamLane<T>& lane = lane_[static_cast<std::size_t>(i)];
     lane.first = i * blocks / lanes_ * kStartsPerBlock;

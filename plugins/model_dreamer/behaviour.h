@@ -7,11 +7,13 @@
 //   V_tau = r(s_{tau+1}) + d_{tau+1} ((1 - lambda) v(s_{tau+1}) + lambda V_{tau+1})
 //   w_tau = d_1 ... d_tau
 //   actor loss  - mean( w_tau (V_tau / S + entropy_scale * (- ln pi(a_tau))) )
-//   value loss  mean( w_tau 0.5 ((v(s_tau) - V_tau) / value_scale)^2 ), V_tau fixed
+//   value loss  mean( w_tau 0.5 (((v(s_tau) - V_tau) / value_scale)^2 +
+//                                slow_critic_weight ((v(s_tau) - v'(s_tau)) / value_scale)^2) )
 //
 // The mean is over starts and tau = 0 .. H - 1. S is the return scale. The actor's
 // input is gradient-stopped; its gradient comes through the actions, back through
-// the frozen world model and critic. v(s) leaves out the reward for arriving at s.
+// the frozen world model and critic; V_tau and the slow critic v' are fixed in the value
+// loss. v(s) leaves out the reward for arriving at s.
 #pragma once
 
 #include <array>
@@ -24,6 +26,11 @@
 #include "plugins/model_dreamer/world_model.h"
 
 namespace dreamsearch::dreamer {
+
+// Starts dreamt of at once: enough columns for fast products, few enough that what a
+// block leaves for its way back is still in the cache then (7 MB with the paper's sizes).
+inline constexpr Index kStartsPerBlock = 32;
+inline constexpr Index kMaxLanes = 6;
 
 // lambda-returns of n dreams at once. rewards, discounts: [H, n] of arriving at
 // s_1 .. s_H; values: [H + 1, n] of s_0 .. s_H; returns: [H, n]; all tau-major
@@ -125,7 +132,7 @@ class Behaviour {
   void AddActorGradients();
   void AddValueGradients();
   void EndDream(DreamLosses* losses);
-  // V_tau of the last dream, [K * H]; tau-major in each block of starts.
+  // V_tau of the last dream, [K * H]; tau-major in each block of kStartsPerBlock starts.
   const std::vector<T>& returns() const { return returns_; }
 
   // The constants of a dream in one block.
@@ -158,7 +165,7 @@ class Behaviour {
 
   DreamInput<T> input_;
   Index lanes_ = 0;  // in use
-  std::array<DreamLane<T>, 6> lane_;
+  std::array<DreamLane<T>, kMaxLanes> lane_;
 
   // What planners ask for.
   MlpTape<T> actor_tape_, value_tape_;

@@ -19,7 +19,7 @@ namespace dreamsearch::dreamer {
 
 using Json = nlohmann::json;
 
-inline constexpr const char* kGoldenCases[] = {"paper", "fast"};
+inline constexpr const char* kGoldenCases[] = {"paper", "fast", "lanes"};
 
 // The streams of an update's seed that learner.cc draws its noise from.
 inline constexpr std::uint64_t kPosteriorStream = 1;
@@ -39,12 +39,7 @@ inline Settings SettingsFromJson(const Json& values) {
   std::vector<ParameterValue> resolved;
   std::size_t named = 0;
   for (const ParameterSpec& spec : DeclaredParameters()) {
-    ParameterValue value{spec.name, spec.default_number, spec.default_choice};
-    for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
-      if (std::string(spec.presets[i].preset) != "paper") continue;
-      value.number = spec.presets[i].number;
-      value.choice = spec.presets[i].choice;
-    }
+    ParameterValue value = ValueUnder(spec, "paper");
     if (const auto found = values.find(spec.name); found != values.end()) {
       ++named;
       if (found->is_string()) {

@@ -16,43 +16,68 @@ namespace {
 
 constexpr Index kObservationSize = 3;
 constexpr Index kActionSize = 2;
-constexpr std::uint64_t kSequences = 3;
-constexpr std::uint64_t kLength = 5;
-constexpr std::uint64_t kUpdates = 3;  // the third sees both moving averages move
 
 // What a case changes in its preset: sizes that are no multiple of a vector lane,
 // and figures that make every part of a loss count.
-Json Changes(const std::string& name) {
+struct Case {
+  const char* preset;
+  Json changes;
+  std::uint64_t sequences = 3;
+  std::uint64_t length = 5;
+  std::uint64_t updates = 3;  // the third sees both moving averages move
+};
+
+Case CaseOf(const std::string& name) {
   if (name == "paper") {
-    return {{"deterministic", 6},
-            {"stochastic", 4},
-            {"hidden", 10},
-            {"horizon", 4},
-            {"free_nats", 0.3}};
+    return {"paper",
+            {{"deterministic", 6},
+             {"stochastic", 4},
+             {"hidden", 10},
+             {"horizon", 4},
+             {"free_nats", 0.3}}};
   }
-  return {{"deterministic", 7},
-          {"stochastic", 3},
-          {"hidden", 18},
-          {"encoder_layers", 1},
-          {"decoder_layers", 1},
-          {"reward_layers", 1},
-          {"continuation_layers", 1},
-          {"actor_layers", 2},
-          {"value_layers", 1},
-          {"norm", "layer"},
-          {"horizon", 4},
-          {"imagination_starts", 5},
-          {"start_skip", 1},
-          {"continuation", true},
-          {"observation_clip", 1.5},
-          {"kl_scale", 0.8},
-          {"free_nats", 2.2},
-          {"kl_prior_factor", 0.6},
-          {"entropy_scale", 0.05},
-          {"return_scale_rate", 0.3},
-          {"slow_critic_weight", 0.7},
-          {"slow_critic_rate", 0.2},
-          {"gradient_clip", 8}};
+  // 225 starts: lanes of one and of two blocks, and a block of one start.
+  if (name == "lanes") {
+    return {"fast",
+            {{"deterministic", 3},
+             {"stochastic", 2},
+             {"hidden", 5},
+             {"encoder_layers", 1},
+             {"decoder_layers", 1},
+             {"reward_layers", 1},
+             {"actor_layers", 1},
+             {"value_layers", 1},
+             {"horizon", 2},
+             {"imagination_starts", 0},
+             {"start_skip", 0}},
+            15,
+            15,
+            1};
+  }
+  return {"fast",
+          {{"deterministic", 7},
+           {"stochastic", 3},
+           {"hidden", 18},
+           {"encoder_layers", 1},
+           {"decoder_layers", 1},
+           {"reward_layers", 1},
+           {"continuation_layers", 1},
+           {"actor_layers", 2},
+           {"value_layers", 1},
+           {"norm", "layer"},
+           {"horizon", 4},
+           {"imagination_starts", 5},
+           {"start_skip", 1},
+           {"continuation", true},
+           {"observation_clip", 1.5},
+           {"kl_scale", 0.8},
+           {"free_nats", 2.2},
+           {"kl_prior_factor", 0.6},
+           {"entropy_scale", 0.05},
+           {"return_scale_rate", 0.3},
+           {"slow_critic_weight", 0.7},
+           {"slow_critic_rate", 0.2},
+           {"gradient_clip", 8}}};
 }
 
 // What an update in full precision does not depend on; the weights are given.
@@ -61,18 +86,11 @@ bool Neutral(const std::string& name) {
          name == "precision" || name == "planning_precision";
 }
 
-Json ResolvedSettings(const std::string& preset) {
-  const Json changes = Changes(preset);
+Json ResolvedSettings(const Case& golden) {
   Json settings = Json::object();
   for (const ParameterSpec& spec : DeclaredParameters()) {
     if (Neutral(spec.name)) continue;
-    double number = spec.default_number;
-    const char* choice = spec.default_choice;
-    for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
-      if (spec.presets[i].preset != preset) continue;
-      number = spec.presets[i].number;
-      choice = spec.presets[i].choice;
-    }
+    const auto [parameter, number, choice] = ValueUnder(spec, golden.preset);
     switch (spec.type) {
       case ParameterType::kBool:
         settings[spec.name] = number != 0;
@@ -88,7 +106,7 @@ Json ResolvedSettings(const std::string& preset) {
         break;
     }
   }
-  for (const auto& [name, value] : changes.items()) settings.at(name) = value;
+  for (const auto& [name, value] : golden.changes.items()) settings.at(name) = value;
   return settings;
 }
 
@@ -129,11 +147,11 @@ Json Exported(const Learner<double>& learner) {
 
 // Draws with some terminal states and, in every other sequence, an episode's start.
 // The last observation component deviates less than the floor.
-Json RandomUpdate(std::uint64_t seed) {
+Json RandomUpdate(const Case& golden, std::uint64_t seed) {
   Random random(seed);
   Json observations, actions, rewards, discounts, is_first;
-  for (std::uint64_t b = 0; b < kSequences; ++b) {
-    for (std::uint64_t t = 0; t < kLength; ++t) {
+  for (std::uint64_t b = 0; b < golden.sequences; ++b) {
+    for (std::uint64_t t = 0; t < golden.length; ++t) {
       const bool first = b % 2 == 0 && t == 0;
       for (Index i = 0; i < kObservationSize; ++i) {
         const double scale = i + 1 == kObservationSize ? 0.004 : 1 + static_cast<double>(i);
@@ -147,15 +165,24 @@ Json RandomUpdate(std::uint64_t seed) {
       is_first.push_back(first ? 1 : 0);
     }
   }
-  return {{"seed", seed},           {"sequences", kSequences},
-          {"length", kLength},      {"observations", observations},
-          {"actions", actions},     {"rewards", rewards},
-          {"discounts", discounts}, {"is_first", is_first}};
+  return {{"seed", seed},
+          {"sequences", golden.sequences},
+          {"length", golden.length},
+          {"observations", observations},
+          {"actions", actions},
+          {"rewards", rewards},
+          {"discounts", discounts},
+          {"is_first", is_first}};
 }
 
-// The posterior columns that the learner's dreams began from, found by their values.
+// The posterior columns that the learner's dreams began from: all, or found by their values.
 Json Starts(const Learner<double>& learner) {
   const Mat<double> posterior = learner.world().states();
+  if (learner.settings().imagination_starts == 0 && learner.settings().start_skip == 0) {
+    Json all = Json::array();
+    for (Index j = 0; j < posterior.cols; ++j) all.push_back(j);
+    return all;
+  }
   const std::vector<double> dreamt = learner.behaviour().Stops().states;
   const auto horizon = static_cast<std::size_t>(learner.settings().horizon);
   const auto size = static_cast<std::size_t>(posterior.rows);
@@ -195,7 +222,8 @@ void Print(const Json& value, const std::string& indent, std::ostream* out) {
 
 void Write(const std::string& folder, const std::string& name) {
   Json json = {{"observation_size", kObservationSize}, {"action_size", kActionSize}};
-  json["settings"] = ResolvedSettings(name);
+  const Case golden = CaseOf(name);
+  json["settings"] = ResolvedSettings(golden);
   const Settings settings = SettingsFromJson(json["settings"]);
   Learner<double> learner(settings, kObservationSize, kActionSize, 1);
   ParameterGroup<double>& value = learner.behaviour().value();
@@ -208,8 +236,8 @@ void Write(const std::string& folder, const std::string& name) {
   for (const Tensor& tensor : value.tensors()) json["slow"][tensor.name] = moved[tensor.name];
 
   json["updates"] = Json::array();
-  for (std::uint64_t k = 0; k < kUpdates; ++k) {
-    Json update = RandomUpdate(100 + k);
+  for (std::uint64_t k = 0; k < golden.updates; ++k) {
+    Json update = RandomUpdate(golden, 100 + k);
     const std::uint64_t seed = update.at("seed");
     const GoldenBatch batch(update, kObservationSize, kActionSize);
     const Status status = learner.Read(batch.view(), seed);
@@ -218,7 +246,7 @@ void Write(const std::string& folder, const std::string& name) {
     learner.Gradients(&losses);
     update["starts"] = Starts(learner);
     const auto dreams = static_cast<Index>(update["starts"].size()) * settings.horizon;
-    const auto columns = static_cast<Index>(kSequences * kLength);
+    const auto columns = static_cast<Index>(golden.sequences * golden.length);
     update["posterior_noise"] = Draws(seed, kPosteriorStream, settings.stochastic * columns);
     update["latent_noise"] = Draws(seed, kLatentStream, settings.stochastic * dreams);
     update["action_noise"] = Draws(seed, kActionStream, kActionSize * dreams);
