@@ -1,6 +1,7 @@
 #include "plugins/model_dreamer/bfloat16.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 #if defined(__x86_64__)
 #include <cpuid.h>
@@ -456,16 +457,28 @@ TILE_TARGET void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x,
 #else
 
 bool Bfloat16Available() { return false; }
-Bfloat16Weights::Bfloat16Weights(const std::vector<WeightPart>&) {}
-void Bfloat16Weights::Pack(const float*) {}
-void Bfloat16Weights::AddProduct(Index, Mat<const float>, Mat<float>, Bfloat16Scratch*) const {}
+
+// Never called.
+Bfloat16Weights::Bfloat16Weights(const std::vector<WeightPart>&) { std::abort(); }
+void Bfloat16Weights::Pack(const float*) { std::abort(); }
+void Bfloat16Weights::AddProduct(Index, Mat<const float>, Mat<float>, Bfloat16Scratch*) const {
+  std::abort();
+}
 void Bfloat16Weights::AddTransposedProduct(Index, Mat<const float>, Mat<float>,
-                                           Bfloat16Scratch*) const {}
+                                           Bfloat16Scratch*) const {
+  std::abort();
+}
 void Bfloat16Weights::SetProduct(Index, const float*, Mat<const float>, Mat<float>,
-                                 Bfloat16Scratch*) const {}
+                                 Bfloat16Scratch*) const {
+  std::abort();
+}
 void Bfloat16Weights::SetTransposedProduct(Index, Mat<const float>, Mat<float>,
-                                           Bfloat16Scratch*) const {}
-void AddRoundedOuterProduct(Mat<const float>, Mat<const float>, Mat<float>, Bfloat16Scratch*) {}
+                                           Bfloat16Scratch*) const {
+  std::abort();
+}
+void AddRoundedOuterProduct(Mat<const float>, Mat<const float>, Mat<float>, Bfloat16Scratch*) {
+  std::abort();
+}
 
 #endif
 

@@ -11,13 +11,15 @@ namespace dreamsearch::dreamer {
 namespace {
 
 constexpr MetricSpec kMetrics[] = {
-    {"observation_loss", "", "half the squared error of the predicted observation, a step"},
+    {"observation_loss", "",
+     "half the squared error of the predicted (standardised) observation, a step"},
     {"reward_loss", "", "half the squared error of the predicted reward, a step"},
     {"continuation_loss", "nats", "cross-entropy of the predicted continuation, a step"},
     {"kl", "nats", "divergence of the posterior from the prior, a step, before free nats"},
     {"model_loss", "", "weighted sum of the world model's losses"},
     {"actor_loss", "", "minus the weighted mean of scaled returns and entropy bonus"},
-    {"value_loss", "", "weighted mean of half the squared error, in units of value_scale"},
+    {"value_loss", "",
+     "weighted mean of half the squared error and the slow critic's part, in units of value_scale"},
     {"model_gradient_norm", "", "of the world model's gradient, before clipping"},
     {"actor_gradient_norm", "", "of the actor's gradient, before clipping"},
     {"value_gradient_norm", "", "of the value's gradient, before clipping"},
@@ -58,12 +60,16 @@ Status Guarded(const char* name, Call call) noexcept {
 }
 
 // Latents taken through all layers together: their activations stay in the nearest
-// caches on the way. Calls task(first, count) for each block.
+// caches on the way. Calls task(first, count) for each block. Blocks are of nearly equal
+// size: a product with a few columns rounds in another way, and equal rows of a request
+// are to have equal results.
 template <typename Task>
 void ForBlocks(Index rows, Task task) {
   constexpr Index kRowsAtOnce = 32;
-  for (Index first = 0; first < rows; first += kRowsAtOnce) {
-    task(first, std::min(kRowsAtOnce, rows - first));
+  const Index blocks = (rows + kRowsAtOnce - 1) / kRowsAtOnce;
+  for (Index i = 0; i < blocks; ++i) {
+    const Index first = i * rows / blocks;
+    task(first, (i + 1) * rows / blocks - first);
   }
 }
 
@@ -253,8 +259,12 @@ Status Dreamer::Observe(const ObserveRequest& request, Latents latents) noexcept
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
     if (settings.acting_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
-    learner_.world().Observe(learner_.world().group().exact(), StatesOf(request.previous), actions,
-                             observations, noise, next);
+    WorldModel<float>& world = learner_.world();
+    ForBlocks(n, [&](Index first, Index count) {
+      world.Observe(world.group().exact(), StatesOf(request.previous).Cols(first, count),
+                    actions.Cols(first, count), observations.Cols(first, count),
+                    noise ? noise.Cols(first, count) : noise, next.Cols(first, count));
+    });
     return WriteLatents("Observe", next, latents);
   });
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 #include "dreamsearch/random.h"
 #include "plugins/model_dreamer/noise.h"
@@ -20,7 +21,22 @@ enum Stream : std::uint64_t {
   kValueParameters = 7,
 };
 
-constexpr std::uint64_t kSavedMagic = 0x31726d7264736400ull;
+constexpr std::uint64_t kSavedMagic = 0x32726d7264736400ull;
+
+// A number for the names and shapes of all tensors (FNV-1a).
+template <typename T>
+std::uint64_t ArchitectureOf(std::initializer_list<const ParameterGroup<T>*> groups) {
+  std::uint64_t hash = 0xcbf29ce484222325ull;
+  const auto add = [&hash](std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3ull; };
+  for (const ParameterGroup<T>* group : groups) {
+    for (const Tensor& tensor : group->tensors()) {
+      for (const char c : tensor.name) add(static_cast<unsigned char>(c));
+      add(static_cast<std::uint64_t>(tensor.rows));
+      add(static_cast<std::uint64_t>(tensor.cols));
+    }
+  }
+  return hash;
+}
 
 // Of the observations standardised by `s`; the deviation has a floor.
 double InverseDeviation(const ObservationStatistics& s, std::size_t i, double floor) {
@@ -81,7 +97,8 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
     : settings_(settings),
       o_(observation_size),
       a_(action_size),
-      threads_(threads),
+      // No more than an update has tasks: the fit, two a lane, and two sums.
+      threads_(std::min<Index>(threads, 1 + 2 * kMaxLanes + 2)),
       world_(settings, observation_size, action_size),
       behaviour_(settings, action_size) {
   Rounding rounding;
@@ -315,9 +332,9 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
     }
   });
   if (settings_.percentile_return_scale) {
-    sorted_returns_.assign(behaviour_.returns().begin(), behaviour_.returns().end());
-    const double low = Percentile(&sorted_returns_, 0.05);
-    const double range = Percentile(&sorted_returns_, 0.95) - low;
+    returns_copy_.assign(behaviour_.returns().begin(), behaviour_.returns().end());
+    const double low = Percentile(&returns_copy_, 0.05);
+    const double range = Percentile(&returns_copy_, 0.95) - low;
     return_scale_ = updates_ == 1
                         ? range
                         : return_scale_ + settings_.return_scale_rate * (range - return_scale_);
@@ -343,6 +360,11 @@ Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
 }
 
 template <typename T>
+std::uint64_t Learner<T>::Architecture() const {
+  return ArchitectureOf<T>({&world_.group(), &behaviour_.actor(), &behaviour_.value()});
+}
+
+template <typename T>
 Status Learner<T>::Save(ByteSink* sink) const {
   const std::uint64_t header[] = {kSavedMagic,
                                   sizeof(T),
@@ -351,6 +373,7 @@ Status Learner<T>::Save(ByteSink* sink) const {
                                   static_cast<std::uint64_t>(world_.group().size()),
                                   static_cast<std::uint64_t>(behaviour_.actor().size()),
                                   static_cast<std::uint64_t>(behaviour_.value().size()),
+                                  Architecture(),
                                   updates_,
                                   statistics_.batches};
   Status status = sink->Write(header, sizeof header);
@@ -371,7 +394,7 @@ Status Learner<T>::Save(ByteSink* sink) const {
 
 template <typename T>
 Status Learner<T>::Load(ByteSource* source) {
-  std::uint64_t header[9] = {};
+  std::uint64_t header[10] = {};
   Status status = source->Read(header, sizeof header);
   if (!status.ok()) return status;
   const std::uint64_t expected[] = {kSavedMagic,
@@ -380,18 +403,19 @@ Status Learner<T>::Load(ByteSource* source) {
                                     static_cast<std::uint64_t>(a_),
                                     static_cast<std::uint64_t>(world_.group().size()),
                                     static_cast<std::uint64_t>(behaviour_.actor().size()),
-                                    static_cast<std::uint64_t>(behaviour_.value().size())};
+                                    static_cast<std::uint64_t>(behaviour_.value().size()),
+                                    Architecture()};
   const char* const names[] = {"mark",        "bytes a number",   "observation size",
                                "action size", "world model size", "actor size",
-                               "value size"};
+                               "value size",  "architecture"};
   for (std::size_t i = 0; i < sizeof expected / sizeof *expected; ++i) {
     if (header[i] == expected[i]) continue;
     return Error(StatusCode::kDataLoss, "saved dreamer: %s %llu expected, %llu found", names[i],
                  static_cast<unsigned long long>(expected[i]),
                  static_cast<unsigned long long>(header[i]));
   }
-  updates_ = header[7];
-  statistics_.batches = header[8];
+  updates_ = header[8];
+  statistics_.batches = header[9];
   status = ReadValue(source, &return_scale_);
   if (status.ok()) status = ReadArray(source, statistics_.mean.data(), o_);
   if (status.ok()) status = ReadArray(source, statistics_.variance.data(), o_);

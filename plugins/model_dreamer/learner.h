@@ -54,7 +54,8 @@ class Learner {
   Status Update(const TrainRequest& request, UpdateLosses* losses);
 
   // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients may be
-  // called again after a parameter has changed; it is FitGradients, then DreamGradients
+  // called again after a parameter has changed (with float products: the rounded weights
+  // change in Apply and Load); it is FitGradients, then DreamGradients
   // with the dream's constants held at `stops`, but all of them on the threads at once.
   Status Read(const SequenceBatch& batch, std::uint64_t seed);
   void Gradients(UpdateLosses* losses);
@@ -76,6 +77,8 @@ class Learner {
  private:
   // After a change of all parameters.
   void RoundWeights();
+  // Of the saved state: names and shapes of all tensors, as a number.
+  std::uint64_t Architecture() const;
   // Shares the dream out and returns the number of its tasks, which are to be begun in
   // order. They follow the posterior as it unrolls and leave the gradients and their norms.
   Index BeginDream(const DreamStops<T>* stops);
@@ -97,7 +100,7 @@ class Learner {
   std::vector<Index> candidates_;
   Progress states_known_;  // columns of the posterior
   Index lanes_ = 0;
-  std::vector<T> sorted_returns_;
+  std::vector<T> returns_copy_;
   Buffer<T> observations_, actions_, rewards_, continues_, noise_, latent_noise_, action_noise_;
 };
 

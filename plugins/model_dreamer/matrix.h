@@ -66,6 +66,7 @@ class Buffer {
   void Free() {
     if (data_ != nullptr) ::operator delete(data_, kAlign);
     data_ = nullptr;
+    capacity_ = 0;
   }
 
   T* data_ = nullptr;

@@ -1,8 +1,3 @@
-// Eigen takes its packing buffers from the stack up to this many bytes. With the
-// columns cut into blocks below they always fit, so no product allocates.
-#define EIGEN_STACK_ALLOCATION_LIMIT (4 << 20)
-#define EIGEN_DONT_PARALLELIZE
-
 #include "plugins/model_dreamer/product.h"
 
 #include <Eigen/Core>
@@ -15,6 +10,8 @@
 namespace dreamsearch::dreamer {
 namespace {
 
+// Eigen takes a packing buffer from the stack if it is small enough (CMakeLists.txt says
+// up to where); with the samples cut into blocks those of layers up to some 400 wide are.
 constexpr Index kColumnsPerBlock = 512;
 
 template <typename T>
@@ -40,7 +37,8 @@ auto AsColumn(Mat<T> m) {
 
 // Eigen copies its factors into an order that pays when they are used often. With few
 // columns, as planners have them, it is faster to read the weight where it lies: once
-// for every six columns, whose sums stay in registers.
+// for every six columns, whose sums stay in registers. A column's bits do not depend on
+// its place here, which they do in Eigen's kernels.
 constexpr Index kFewColumns = 64;
 constexpr Index kLanes = 16;   // floats in a register
 constexpr int kRegisters = 4;  // of rows at a time
@@ -112,7 +110,7 @@ void AddFewColumns(Mat<const float> w, Mat<const float> x, Mat<float> y) {
 }
 
 bool FewColumns(Mat<const float> w, Mat<const float> x) {
-  return x.cols > 1 && x.cols <= kFewColumns && w.rows >= kLanes / 2;
+  return x.cols > 1 && x.cols <= kFewColumns && w.rows > 1;
 }
 
 #endif
@@ -149,7 +147,10 @@ void AddTransposedProduct(Mat<const std::type_identity_t<T>> w,
 template <typename T>
 void AddOuterProduct(Mat<const std::type_identity_t<T>> dy, Mat<const std::type_identity_t<T>> x,
                      Mat<T> dw) {
-  AsEigen(dw).noalias() += AsEigen(dy) * AsEigen(x).transpose();
+  for (Index first = 0; first < x.cols; first += kColumnsPerBlock) {
+    const Index n = std::min(kColumnsPerBlock, x.cols - first);
+    AsEigen(dw).noalias() += AsEigen(dy.Cols(first, n)) * AsEigen(x.Cols(first, n)).transpose();
+  }
 }
 
 #define DREAMER_INSTANTIATE(T)                                               \

@@ -1,7 +1,7 @@
 // product.h - the three matrix products of a layer, the only place that knows
 // how they are computed.
 //
-// Nothing is allocated. Results do not depend on the number of threads; the last
+// Nothing is allocated for layers up to some 400 wide. Results do not depend on the number of threads; the last
 // bits depend on the instruction set and on the number of columns.
 #pragma once
 

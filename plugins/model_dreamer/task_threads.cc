@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <stdexcept>
 #include <utility>
 
 namespace dreamsearch::dreamer {
@@ -30,11 +31,22 @@ TaskThreads::TaskThreads(Index threads) {
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, &before);
-  for (Index i = 1; i < threads; ++i) helpers_.emplace_back([this] { Help(); });
+  std::exception_ptr error;
+  try {
+    for (Index i = 1; i < threads; ++i) helpers_.emplace_back([this] { Help(); });
+  } catch (...) {
+    error = std::current_exception();
+  }
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  if (error) {
+    EndHelpers();
+    std::rethrow_exception(error);
+  }
 }
 
-TaskThreads::~TaskThreads() {
+TaskThreads::~TaskThreads() { EndHelpers(); }
+
+void TaskThreads::EndHelpers() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
@@ -52,7 +64,9 @@ void TaskThreads::RunAll(Index count, Call call, void* context) {
   begun_.notify_all();
   Work(&lock);
   ended_.wait(lock, [this] { return running_ == 0; });
+  const bool abandoned = std::exchange(abandoned_, false);
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
+  if (abandoned) throw std::logic_error("a task waited for one that an earlier run abandoned");
 }
 
 void TaskThreads::Help() {
@@ -71,14 +85,17 @@ void TaskThreads::Work(std::unique_lock<std::mutex>* lock) {
     ++running_;
     lock->unlock();
     std::exception_ptr error;
+    bool abandoned = false;
     try {
       call_(context_, task);
     } catch (const Progress::Abandoned&) {
+      abandoned = true;
     } catch (...) {
       error = std::current_exception();
     }
     lock->lock();
     --running_;
+    abandoned_ |= abandoned;
     if (error && !error_) error_ = error;
   }
 }

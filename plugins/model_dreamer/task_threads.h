@@ -63,13 +63,15 @@ class ReachAtEnd {
 class TaskThreads {
  public:
   // `threads` in all: the one that calls Run and `threads` - 1 that sleep between runs.
+  // std::system_error if the system refuses one.
   explicit TaskThreads(Index threads);
   ~TaskThreads();
   TaskThreads(const TaskThreads&) = delete;
   TaskThreads& operator=(const TaskThreads&) = delete;
 
   // task(i) for every i in [0, count), begun in this order; returns when all have ended.
-  // Then throws what a task threw, if any did; Progress::Abandoned is no error of its own.
+  // Then throws what a task threw, if any did. A task may end by Progress::Abandoned if
+  // another of this run threw; std::logic_error where none did.
   // Allocates nothing.
   template <typename Task>
   void Run(Index count, Task&& task) {
@@ -82,6 +84,7 @@ class TaskThreads {
 
   void RunAll(Index count, Call call, void* context);
   void Help();
+  void EndHelpers();
   // Takes tasks until none is left. `lock` holds mutex_, also afterwards.
   void Work(std::unique_lock<std::mutex>* lock);
 
@@ -93,6 +96,7 @@ class TaskThreads {
   Index count_ = 0;  // tasks of this run
   Index running_ = 0;
   bool stop_ = false;
+  bool abandoned_ = false;  // a task has ended so
   std::exception_ptr error_;
   std::vector<std::thread> helpers_;
 };

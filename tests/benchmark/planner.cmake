@@ -9,4 +9,4 @@ dreamsearch_add_benchmark(planner_latency
 target_compile_options(planner_latency PRIVATE -Wno-maybe-uninitialized -Wno-uninitialized)
 target_include_directories(planner_latency PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/..)
 add_dependencies(planner_latency planner_dreamer planner_rollout planner_mcts planner_shooting
-                 model_dreamer)
+                 model_dreamer env_dmc)

@@ -176,8 +176,9 @@ TEST(Dreamer, AnyNumberOfThreadsGivesEqualBits) {
   for (const char* precision : {"float", "bfloat16"}) {
     Settings settings = Small();
     settings.bfloat16 = std::string(precision) == "bfloat16";
-    settings.imagination_starts = 150;  // lanes of unequal size
-    const OwnedBatch batch = PointBatch(20, 10, 1);
+    settings.imagination_starts = 0;
+    settings.start_skip = 0;
+    const OwnedBatch batch = PointBatch(23, 10, 1);  // 230 starts: lanes of one and two blocks
     std::string first;
     for (const Index threads : {1, 2, 3, 9}) {
       const ModelPointer model = Make(settings, 1, 2, 1, threads);
@@ -258,6 +259,10 @@ TEST(TaskThreads, ATaskThatThrowsLeavesNobodyWaiting) {
     };
     EXPECT_THROW(run(), std::runtime_error);
     EXPECT_EQ(used.load(), 0);
+    // What nobody threw in this run is not passed over either.
+    EXPECT_THROW(pool.Run(1, [&](Index) { progress.Await(1); }), std::logic_error);
+    pool.Run(1, [&](Index) { ++used; });
+    EXPECT_EQ(used.load(), 1);
   }
 }
 
@@ -285,12 +290,31 @@ TEST(Dreamer, LoadRefusesOtherSizesAndMissingBytes) {
   Bytes cut = saved;
   cut.bytes.pop_back();
   EXPECT_EQ(Make(Small())->Load(&cut).code, StatusCode::kDataLoss);
+  Bytes again = saved;
   Settings wider = Small();
   wider.hidden += 1;
   const Status status = Make(wider)->Load(&saved);
   EXPECT_EQ(status.code, StatusCode::kDataLoss);
   EXPECT_NE(std::string(status.message).find("world model size"), std::string::npos)
       << status.message;
+  // As many parameters in other layers.
+  Settings moved = Small();
+  moved.decoder_layers -= 1;
+  moved.reward_layers += 1;
+  const Status other = Make(moved)->Load(&again);
+  EXPECT_EQ(other.code, StatusCode::kDataLoss);
+  EXPECT_NE(std::string(other.message).find("architecture"), std::string::npos) << other.message;
+}
+
+TEST(Dreamer, LearnsWithTheSmallestEpsilon) {
+  Settings settings = Small();  // zero heads: the first gradients of their hidden layers are 0
+  for (const ParameterSpec& spec : DeclaredParameters()) {
+    if (std::string(spec.name) == "adam_epsilon") settings.adam_epsilon = spec.min;
+  }
+  const ModelPointer model = Make(settings);
+  for (std::uint64_t update = 0; update < 3; ++update) {
+    Train(model.get(), PointBatch(6, 10, 1), update);
+  }
 }
 
 TEST(Dreamer, AnswersASingleLatentAndABatchAlike) {
@@ -310,6 +334,37 @@ TEST(Dreamer, AnswersASingleLatentAndABatchAlike) {
   EXPECT_NEAR(one.values[0], many.values[3], 1e-3);  // in units of value_scale = 100
   EXPECT_NEAR(one.mode[0], many.mode[3], 1e-5);
   EXPECT_EQ(one.discounts[0], 0.99);
+}
+
+// Actions, states and rewards of a request do not depend on the row they stand in, or a
+// planner would break ties by rounding.
+TEST(Dreamer, EqualRowsOfARequestHaveEqualAnswers) {
+  for (const bool bfloat16 : {false, true}) {
+    Settings settings = Small();
+    settings.acting_latent_sample = false;
+    settings.bfloat16_planning = bfloat16;
+    settings.continuation = true;
+    const ModelPointer model = Make(settings);
+    for (std::uint64_t update = 0; update < 3; ++update) {
+      Train(model.get(), PointBatch(6, 10, 1), update);
+    }
+    for (const std::uint64_t n : {2u, 3u, 5u, 31u, 33u, 35u, 65u, 97u, 200u}) {
+      const Answers answers = Ask(model.get(), n, 5);
+      const auto all_equal = [n](const auto& values) {
+        const std::size_t each = values.size() / n;
+        for (std::size_t i = each; i < values.size(); ++i) {
+          if (values[i] != values[i - each]) return false;
+        }
+        return true;
+      };
+      EXPECT_TRUE(all_equal(answers.observed)) << n << " rows, bfloat16 " << bfloat16;
+      EXPECT_TRUE(all_equal(answers.imagined)) << n << " rows, bfloat16 " << bfloat16;
+      EXPECT_TRUE(all_equal(answers.rewards)) << n << " rows, bfloat16 " << bfloat16;
+      EXPECT_TRUE(all_equal(answers.discounts)) << n << " rows, bfloat16 " << bfloat16;
+      EXPECT_TRUE(all_equal(answers.values)) << n << " rows, bfloat16 " << bfloat16;
+      EXPECT_TRUE(all_equal(answers.mode)) << n << " rows, bfloat16 " << bfloat16;
+    }
+  }
 }
 
 TEST(Dreamer, InitialLatentIsZeroAndPaddingStaysZero) {

@@ -480,6 +480,67 @@ TEST(Bfloat16, ProductsOfExactFactorsEqualFloatProducts) {
   }
 }
 
+// What planners ask for: few columns, parts of a weight, and operands that are rows of a
+// larger matrix.
+TEST(Bfloat16, ProductsOfPartsOfMatricesEqualFloatProducts) {
+  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
+  Random random(4);
+  const auto draw = [&](Index count) {
+    std::vector<float> values(static_cast<std::size_t>(count));
+    for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
+    return values;
+  };
+  constexpr Index kSkip = 3, kIn = 37, kOut = 50, kFirst = 5, kCols = 32;
+  for (const Index n : {1, 2, 3, 4, 17, 33, 65}) {
+    const std::vector<float> group = draw(kSkip + kOut * kIn), x = draw((kCols + 7) * n);
+    std::vector<float> y = draw((kOut + 9) * n), expected = y;
+    Bfloat16Weights rounded({{0, 1, 0, 1}, {kSkip, kOut, kFirst, kCols}});
+    Bfloat16Scratch scratch;
+    rounded.Pack(group.data());
+    const Mat<const float> columns = Mat<const float>(x.data(), kCols + 7, n).Rows(2, kCols);
+    rounded.AddProduct(1, columns, Mat<float>(y.data(), kOut + 9, n).Rows(4, kOut), &scratch);
+    AddProduct<float>(Mat<const float>(group.data() + kSkip, kOut, kIn).Cols(kFirst, kCols),
+                      columns, Mat<float>(expected.data(), kOut + 9, n).Rows(4, kOut));
+    EXPECT_EQ(y, expected) << n;
+  }
+}
+
+// The float products, with their own path for few columns, against sums in double.
+TEST(Product, FloatEqualsDoubleAtEverySizeOfItsPaths) {
+  Random random(5);
+  constexpr Index kIn = 19;
+  for (const Index out : {1, 7, 8, 17, 48, 64, 65, 200, 600}) {
+    for (const Index n : {1, 2, 5, 6, 7, 64, 65, 600}) {
+      for (const Index gap : {0, 3}) {
+        // Multiples of 1/16 below 2: sums are exact in float.
+        const auto draw = [&](Index count) {
+          std::vector<float> values(static_cast<std::size_t>(count));
+          for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
+          return values;
+        };
+        const std::vector<float> w = draw((out + gap) * kIn), x = draw((kIn + gap) * n);
+        std::vector<float> y = draw((out + gap) * n);
+        const std::vector<double> w2(w.begin(), w.end()), x2(x.begin(), x.end());
+        std::vector<double> expected(y.begin(), y.end());
+        for (Index j = 0; j < n; ++j) {
+          for (Index i = 0; i < out; ++i) {
+            for (Index k = 0; k < kIn; ++k) {
+              expected[static_cast<std::size_t>(j * (out + gap) + i)] +=
+                  w2[static_cast<std::size_t>(k * (out + gap) + i)] *
+                  x2[static_cast<std::size_t>(j * (kIn + gap) + k)];
+            }
+          }
+        }
+        AddProduct<float>(Mat<const float>(w.data(), out, kIn, out + gap),
+                          Mat<const float>(x.data(), kIn, n, kIn + gap),
+                          Mat<float>(y.data(), out, n, out + gap));
+        EXPECT_EQ(std::vector<double>(y.begin(), y.end()), expected)
+            << out << " x " << kIn << ", " << n << " columns, gap " << gap;
+      }
+    }
+  }
+}
+
 // A whole update's gradient in bfloat16 points where the float gradient does.
 TEST(Bfloat16, UpdateGradientFollowsTheFloatGradient) {
   if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
