@@ -353,8 +353,7 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
   figure.panels.push_back(std::move(panel));
   std::string note =
       "Line: mean over seeds of the mean over tasks of (return - low) / (high - low). Band: "
-      "minimum "
-      "to maximum over seeds; fewer than 3 give none.";
+      "minimum to maximum over seeds; fewer than 3 give none.";
   if (figure.x_high) note += kCutNote;
   figure.notes.insert(figure.notes.begin(), note);
   AddGapNotes(lines, &figure.notes);
