@@ -29,10 +29,10 @@ namespace {
 
 std::atomic<bool> stop_requested{false};
 
-// First request: stop at the next decision or update. Second: at once.
-void OnStopSignal(int) {
-  if (stop_requested.exchange(true)) ::_exit(static_cast<int>(ExitCode::kInterrupted));
-}
+// Stop at the next decision or update, however often it is asked: who signals a whole
+// job reaches the worker directly and once more through the supervisor. The supervisor
+// ends a worker at once with SIGKILL.
+void OnStopSignal(int) { stop_requested = true; }
 
 void CatchStopSignals() {
   struct sigaction action{};

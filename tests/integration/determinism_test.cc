@@ -15,6 +15,8 @@ constexpr char kDigests[] =
     "select group_concat(result_digest) from (select result_digest from run where status = "
     "'finished' order by planner, seed)";
 
+constexpr char kOpenSegment[] = "select pid from segment where ended_utc is null";
+
 // Waits until the first run has recorded a decision past `env_step`.
 bool WaitForStep(const Workplace& place, const std::string& db, int env_step) {
   for (int i = 0; i < 2000; ++i) {
@@ -71,6 +73,42 @@ TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
                                         "group by run_id)"),
             "2");
   EXPECT_EQ(place_->Value("stopped.db", "select count(*) from step"), "8000");
+}
+
+// As Slurm and systemd do it: all processes hear it, the worker also from its supervisor.
+TEST_F(DeterminismTest, AStopSignalToSupervisorAndWorkerLeavesACheckpoint) {
+  const pid_t pid = place_->Start(Arguments("job.db", "1"));
+  ASSERT_TRUE(WaitForStep(*place_, "job.db", 1100));
+  const pid_t worker = std::stoi(place_->Value("job.db", kOpenSegment));
+  ::kill(worker, SIGUSR1);
+  ::kill(worker, SIGTERM);
+  ::kill(pid, SIGTERM);
+  const ProgramResult stopped = place_->Wait(pid);
+  EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
+  EXPECT_EQ(place_->Value("job.db", "select status from run where run_id = 1"), "interrupted");
+  // The checkpoint is of the step at which it stopped.
+  EXPECT_EQ(place_->Value("job.db", "select max(a.env_step) = s.to_env_step and s.to_env_step >= "
+                                    "1100 from artifact a, segment s where s.run_id = 1 and "
+                                    "a.run_id = 1 and a.kind = 'checkpoint'"),
+            "1");
+  const ProgramResult resumed = place_->Runner({"resume", "1", "--db", "job.db"});
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
+  const std::string digest = "select result_digest from run where run_id = 1";
+  EXPECT_EQ(place_->Value("job.db", digest), place_->Value("reference.db", digest));
+}
+
+TEST_F(DeterminismTest, AWorkerWhoseSupervisorDiedLeavesACheckpoint) {
+  const pid_t pid = place_->Start(Arguments("orphan.db", "1"));
+  ASSERT_TRUE(WaitForStep(*place_, "orphan.db", 1100));
+  ::kill(pid, SIGKILL);
+  place_->Wait(pid);
+  for (int i = 0; i < 2000 && !place_->Value("orphan.db", kOpenSegment).empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(place_->Value("orphan.db", "select end_reason from segment"), "interrupted");
+  EXPECT_EQ(place_->Value("orphan.db", "select max(a.env_step) = s.to_env_step from artifact a, "
+                                       "segment s where a.kind = 'checkpoint'"),
+            "1");
 }
 
 TEST_F(DeterminismTest, WorkersKilledAtAnyMomentAndResumedGiveTheSameDigest) {
