@@ -9,11 +9,13 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "catalogue.h"
 #include "child_process.h"
@@ -42,19 +44,27 @@ void CatchStopSignals() {
   ::signal(SIGPIPE, SIG_IGN);
 }
 
+// A second in all.
+constexpr int kLockAttempts = 100;
+constexpr std::chrono::milliseconds kLockPause{10};
+
 std::filesystem::path LockPath(const std::filesystem::path& folder) { return folder / "lock"; }
 
-// Holds the run for this process until it ends.
+// Holds the run for this process until it ends. Who asks with RunIsLocked holds the file
+// for a moment, so a refusal counts only once it has lasted.
 Descriptor LockRun(const std::filesystem::path& folder) {
   Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (lock.get() < 0) {
     throw RunnerError(ExitCode::kCannotCreate, "cannot create " + LockPath(folder).string() +
                                                    ": " + std::strerror(errno));
   }
-  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    throw RunnerError(ExitCode::kInputOutput,
-                      "another process is working on this run: " + LockPath(folder).string() +
-                          " is locked");
+  for (int attempt = 0; ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0; ++attempt) {
+    if (attempt == kLockAttempts) {
+      throw RunnerError(ExitCode::kInputOutput,
+                        "another process is working on this run: " + LockPath(folder).string() +
+                            " is locked");
+    }
+    std::this_thread::sleep_for(kLockPause);
   }
   return lock;
 }
@@ -273,7 +283,8 @@ int WorkerMain() {
 bool RunIsLocked(const std::filesystem::path& folder) {
   const Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
   if (lock.get() < 0) return false;
-  return ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0;
+  // Shared, so that two who ask at once do not take each other for a worker.
+  return ::flock(lock.get(), LOCK_SH | LOCK_NB) != 0;
 }
 
 }  // namespace dreamsearch

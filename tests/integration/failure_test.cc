@@ -1,5 +1,13 @@
 // A component that fails costs its run and nothing else.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <iterator>
+#include <thread>
 
 #include "program.h"
 
@@ -16,16 +24,14 @@ struct Fault {
 
 class FailureTest : public testing::TestWithParam<Fault> {};
 
-TEST_P(FailureTest, EndsItsRunAndTheSweepGoesOn) {
-  const Fault& fault = GetParam();
-  const Workplace place;
-  const std::string planners =
-      std::string(fault.planner) == "dreamer" ? "dreamer" : std::string(fault.planner) + ",dreamer";
+// Arguments of runs on the faulty plugins that take moments, the errors from step 1500 on.
+std::vector<std::string> FaultyRun(const std::string& planners, const std::string& models,
+                                   const std::string& db,
+                                   const std::vector<std::string>& more = {}) {
   std::vector<std::string> arguments = {
-      "--env", "cartpole_balance", "--planner", planners, "--db", "f.db", "--steps", "2000",
-      "--model", std::string(fault.model) == "dreamer" ? "dreamer"
-                                                        : std::string(fault.model) + ",dreamer",
-      "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR, "--hang-timeout", "1"};
+      "--env",   "cartpole_balance", "--planner",     planners,
+      "--model", models,             "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR,
+      "--db",    db,                 "--steps",       "2000"};
   for (const char* setting :
        {"run.prefill_steps=1000", "run.pretrain_updates=2", "run.train_every=500",
         "run.batch_size=2", "run.sequence_length=8", "run.eval_episodes=1", "dreamer.hidden=8",
@@ -33,7 +39,20 @@ TEST_P(FailureTest, EndsItsRunAndTheSweepGoesOn) {
         "dreamer.horizon=2"}) {
     arguments.insert(arguments.end(), {"--set", setting});
   }
-  const ProgramResult result = place.Runner(arguments);
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+TEST_P(FailureTest, EndsItsRunAndTheSweepGoesOn) {
+  const Fault& fault = GetParam();
+  const Workplace place;
+  const std::string planners =
+      std::string(fault.planner) == "dreamer" ? "dreamer" : std::string(fault.planner) + ",dreamer";
+  const std::string models = std::string(fault.model) == "dreamer"
+                                 ? "dreamer"
+                                 : std::string(fault.model) + ",dreamer";
+  const ProgramResult result =
+      place.Runner(FaultyRun(planners, models, "f.db", {"--hang-timeout", "1"}));
   EXPECT_EQ(result.exit_status, fault.exit_status) << result.err;
   const std::string bad = std::string("planner = '") + fault.planner + "' and model = '" +
                           fault.model + "'";
@@ -62,6 +81,36 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) {
       return std::string(tested.param.planner) + "_on_" + tested.param.model;
     });
+
+// Whether the program started as `pid` says `text` on standard error within ten seconds.
+bool WaitForMessage(const Workplace& place, pid_t pid, const std::string& text) {
+  for (int i = 0; i < 2000; ++i) {
+    std::ifstream file(place.Path("err." + std::to_string(pid)));
+    const std::string said((std::istreambuf_iterator<char>(file)),
+                           std::istreambuf_iterator<char>());
+    if (said.find(text) != std::string::npos) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+// `runner status`, or another runner, asks at the moment at which the worker takes it.
+TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
+  const Workplace place;
+  place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
+  const std::string folder =
+      place.Path("f.db.files/" + place.Value("f.db", "select uuid from run"));
+  const int lock = ::open((folder + "/lock").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(::flock(lock, LOCK_SH), 0);
+  const pid_t pid = place.Start({"resume", "--retry", "--db", "f.db"});
+  ASSERT_TRUE(WaitForMessage(place, pid, "started "));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  ::close(lock);
+  const ProgramResult result = place.Wait(pid);
+  EXPECT_EQ(result.exit_status, 70) << result.err;
+  EXPECT_NE(result.err.find("null_planner"), std::string::npos) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select count(*) from segment"), "2");
+}
 
 }  // namespace
 }  // namespace dreamsearch
