@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
@@ -25,6 +26,9 @@
 
 namespace dreamsearch {
 namespace {
+
+// How long a run that was asked to end may take for its checkpoint.
+constexpr double kGraceSeconds = 60;
 
 std::atomic<int> stop_signals{0};
 
@@ -44,6 +48,10 @@ class StopSignals {
   }
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
+
+  static bool Includes(int signal) {
+    return std::find(std::begin(kSignals), std::end(kSignals), signal) != std::end(kSignals);
+  }
 
  private:
   static constexpr std::size_t kCount = 4;
@@ -87,8 +95,11 @@ struct ActiveRun {
   ProgressDisplay::Line line;
   std::string error;
   bool done = false;
-  // Why the supervisor ended it, if it did.
-  enum class Ended { kNo, kTimeLimit, kHang, kStop } ended = Ended::kNo;
+  // Why the supervisor asked it to end with a checkpoint, if it did, and when.
+  enum class Asked { kNo, kTimeLimit, kStop } asked = Asked::kNo;
+  double asked_at = 0;
+  // Why the supervisor killed it, if it did.
+  enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
 };
 
 class Sweep {
@@ -118,10 +129,10 @@ class Sweep {
         if (!active_.empty()) {
           display_.Say("stopping: waiting for checkpoints (again to stop at once)");
         }
-        EndAll(ActiveRun::Ended::kStop, SIGTERM);
+        for (const auto& [index, run] : active_) Ask(run.get(), ActiveRun::Asked::kStop);
       } else if (stop_signals > 1 && !stopped_at_once_) {
         stopped_at_once_ = true;
-        EndAll(ActiveRun::Ended::kStop, SIGKILL);
+        for (const auto& [index, run] : active_) Kill(run.get(), ActiveRun::Killed::kStop);
       }
       if (stopping_ && active_.empty()) break;
       while (!stopping_ && next_ < jobs_.size() &&
@@ -251,25 +262,38 @@ class Sweep {
   void WatchLimits() {
     const double now = ActivityClock::Now();
     for (const auto& [index, run] : active_) {
-      if (run->ended != ActiveRun::Ended::kNo) continue;
-      if (options_.time_limit_seconds > 0 && now - run->started > options_.time_limit_seconds) {
-        End(run.get(), ActiveRun::Ended::kTimeLimit, SIGTERM);
-      } else if (options_.hang_timeout_seconds > 0 &&
-                 ProcessorSeconds(run->pid) - run->processor_at_report >
-                     options_.hang_timeout_seconds) {
-        End(run.get(), ActiveRun::Ended::kHang, SIGKILL);
+      const bool asked = run->asked != ActiveRun::Asked::kNo;
+      if (options_.hang_timeout_seconds > 0 &&
+          ProcessorSeconds(run->pid) - run->processor_at_report > options_.hang_timeout_seconds) {
+        Kill(run.get(), ActiveRun::Killed::kHang);
+      } else if (asked && now - run->asked_at > GraceSeconds()) {
+        Kill(run.get(), ActiveRun::Killed::kOverdue);
+      } else if (!asked && options_.time_limit_seconds > 0 &&
+                 now - run->started > options_.time_limit_seconds) {
+        Ask(run.get(), ActiveRun::Asked::kTimeLimit);
       }
     }
   }
 
-  void End(ActiveRun* run, ActiveRun::Ended why, int signal) {
-    if (run->ended == ActiveRun::Ended::kNo) run->ended = why;
-    ::kill(run->pid, signal);
+  // Who has less patience with a run that hangs has less with one that does not end.
+  double GraceSeconds() const {
+    return options_.hang_timeout_seconds > 0
+               ? std::min(kGraceSeconds, options_.hang_timeout_seconds)
+               : kGraceSeconds;
+  }
+
+  void Ask(ActiveRun* run, ActiveRun::Asked why) {
+    if (run->asked != ActiveRun::Asked::kNo) return;
+    run->asked = why;
+    run->asked_at = ActivityClock::Now();
+    ::kill(run->pid, SIGTERM);
     ::kill(run->pid, SIGCONT);  // a stopped worker must hear it
   }
 
-  void EndAll(ActiveRun::Ended why, int signal) {
-    for (const auto& [index, run] : active_) End(run.get(), why, signal);
+  void Kill(ActiveRun* run, ActiveRun::Killed why) {
+    if (run->killed != ActiveRun::Killed::kNo) return;
+    run->killed = why;
+    ::kill(run->pid, SIGKILL);
   }
 
   void Reap() {
@@ -291,23 +315,40 @@ class Sweep {
     const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
     const int interrupted = static_cast<int>(ExitCode::kInterrupted);
     const std::string log = (job.work.folder / "run.log").string();
-    if (run->ended == ActiveRun::Ended::kHang) {
-      SetStatus(run->index, results::RunStatus::kCrashed, crashed,
-                "no sign of life for " + FormatDuration(options_.hang_timeout_seconds) +
-                    " of processor time while it was to " + run->line.stage +
-                    "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
-    } else if (WIFSIGNALED(status)) {
-      if (run->ended == ActiveRun::Ended::kStop) {
-        SetStatus(run->index, results::RunStatus::kInterrupted, interrupted, "stopped at once");
-      } else if (WTERMSIG(status) == SIGKILL) {
-        SetStatus(run->index, results::RunStatus::kKilled, crashed,
-                  "killed from outside (out of memory?). The same command resumes it");
-      } else {
-        const std::string last = LastLine(job.work.folder / "run.log");
-        SetStatus(run->index, results::RunStatus::kCrashed, crashed,
-                  "crashed with " + DescribeWaitStatus(status) + " while it was to " +
-                      run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
+    const std::string time_limit = "time limit of " + FormatDuration(options_.time_limit_seconds);
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
+      switch (run->killed) {
+        case ActiveRun::Killed::kHang:
+          SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+                    "no sign of life for " + FormatDuration(options_.hang_timeout_seconds) +
+                        " of processor time while it was to " + run->line.stage +
+                        "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
+          break;
+        case ActiveRun::Killed::kOverdue:
+          SetStatus(run->index, results::RunStatus::kKilled, crashed,
+                    "did not stop within " + FormatDuration(GraceSeconds()) + " of " +
+                        (run->asked == ActiveRun::Asked::kTimeLimit ? "its " + time_limit
+                                                                    : "being asked to") +
+                        " while it was to " + run->line.stage +
+                        ". The same command resumes it. Log: " + log);
+          break;
+        case ActiveRun::Killed::kStop:
+          SetStatus(run->index, results::RunStatus::kInterrupted, interrupted, "stopped at once");
+          break;
+        case ActiveRun::Killed::kNo:
+          SetStatus(run->index, results::RunStatus::kKilled, crashed,
+                    "killed from outside (out of memory?). The same command resumes it");
+          break;
       }
+    } else if (WIFSIGNALED(status) && run->asked != ActiveRun::Asked::kNo &&
+               StopSignals::Includes(WTERMSIG(status))) {
+      SetStatus(run->index, results::RunStatus::kInterrupted, interrupted,
+                "ended before it could checkpoint");
+    } else if (WIFSIGNALED(status)) {
+      const std::string last = LastLine(job.work.folder / "run.log");
+      SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+                "crashed with " + DescribeWaitStatus(status) + " while it was to " +
+                    run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
     } else if (WEXITSTATUS(status) == 0) {
       if (run->done) {
         SetStatus(run->index, results::RunStatus::kFinished, 0, "");
@@ -317,9 +358,7 @@ class Sweep {
       }
     } else if (WEXITSTATUS(status) == interrupted) {
       SetStatus(run->index, results::RunStatus::kInterrupted, interrupted,
-                run->ended == ActiveRun::Ended::kTimeLimit
-                    ? "time limit of " + FormatDuration(options_.time_limit_seconds) + " reached"
-                    : "");
+                run->asked == ActiveRun::Asked::kTimeLimit ? time_limit + " reached" : "");
     } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
       SetStatus(run->index, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
     } else if (RunIsLocked(job.work.folder)) {

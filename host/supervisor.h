@@ -6,7 +6,9 @@
 //
 // Stopping SIGINT, SIGTERM, SIGUSR1 or SIGHUP: workers finish their decision or
 //          update, checkpoint and end; a second one ends them at once. Either
-//          way every run can be resumed.
+//          way every run can be resumed. A worker that was asked to end, by a
+//          signal or its time limit, and does not within a minute (within
+//          --hang-timeout if that is shorter) is killed.
 #pragma once
 
 #include <string>

@@ -1,6 +1,7 @@
 // A component that fails costs its run and nothing else.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -82,10 +83,10 @@ INSTANTIATE_TEST_SUITE_P(
       return std::string(tested.param.planner) + "_on_" + tested.param.model;
     });
 
-// Whether the program started as `pid` says `text` on standard error within ten seconds.
-bool WaitForMessage(const Workplace& place, pid_t pid, const std::string& text) {
+// Whether the file holds `text` within ten seconds.
+bool WaitForText(const std::string& path, const std::string& text) {
   for (int i = 0; i < 2000; ++i) {
-    std::ifstream file(place.Path("err." + std::to_string(pid)));
+    std::ifstream file(path);
     const std::string said((std::istreambuf_iterator<char>(file)),
                            std::istreambuf_iterator<char>());
     if (said.find(text) != std::string::npos) return true;
@@ -94,16 +95,73 @@ bool WaitForMessage(const Workplace& place, pid_t pid, const std::string& text) 
   return false;
 }
 
+std::string FolderOfRun1(const Workplace& place) {
+  return place.Path("f.db.files/" +
+                    place.Value("f.db", "select uuid from run where run_id = 1"));
+}
+
+// Waits until the planner of run 1 sleeps.
+bool WaitUntilItSleeps(const Workplace& place) {
+  for (int i = 0; i < 2000 && place.Value("f.db", "select 1 from segment").empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return WaitForText(FolderOfRun1(place) + "/run.log", "waiting");
+}
+
+TEST(StopTest, ARunThatDoesNotEndAtItsTimeLimitIsKilled) {
+  const Workplace place;
+  const ProgramResult result = place.Runner(FaultyRun(
+      "sleeping_planner", "dreamer", "f.db", {"--time-limit", "3", "--hang-timeout", "1"}));
+  EXPECT_EQ(result.exit_status, 71) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "killed") << result.err;
+  EXPECT_NE(result.err.find("did not stop within 1 s of its time limit of 3 s"), std::string::npos)
+      << result.err;
+}
+
+TEST(StopTest, ARunThatDoesNotEndWhenAskedToIsKilled) {
+  const Workplace place;
+  const pid_t pid =
+      place.Start(FaultyRun("sleeping_planner", "dreamer", "f.db", {"--hang-timeout", "1"}));
+  ASSERT_TRUE(WaitUntilItSleeps(place));
+  ::kill(pid, SIGINT);
+  const ProgramResult result = place.Wait(pid);
+  EXPECT_EQ(result.exit_status, 75) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "killed") << result.err;
+  EXPECT_NE(result.err.find("did not stop within 1 s of being asked to"), std::string::npos)
+      << result.err;
+}
+
+TEST(StopTest, ASecondSignalStopsAtOnce) {
+  const Workplace place;
+  const pid_t pid = place.Start(FaultyRun("sleeping_planner", "dreamer", "f.db"));
+  ASSERT_TRUE(WaitUntilItSleeps(place));
+  ::kill(pid, SIGINT);
+  ASSERT_TRUE(WaitForText(place.Path("err." + std::to_string(pid)), "again to stop at once"));
+  ::kill(pid, SIGINT);
+  const ProgramResult result = place.Wait(pid);
+  EXPECT_EQ(result.exit_status, 75) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "interrupted") << result.err;
+}
+
+TEST(StopTest, ACrashWhileStoppingIsACrash) {
+  const Workplace place;
+  const pid_t pid = place.Start(FaultyRun("segfault_at_stop_planner", "dreamer", "f.db"));
+  ASSERT_TRUE(WaitUntilItSleeps(place));
+  ::kill(pid, SIGINT);
+  const ProgramResult result = place.Wait(pid);
+  EXPECT_EQ(result.exit_status, 75) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "crashed") << result.err;
+  EXPECT_NE(result.err.find("signal 11"), std::string::npos) << result.err;
+}
+
 // `runner status`, or another runner, asks at the moment at which the worker takes it.
 TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
   const Workplace place;
   place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
-  const std::string folder =
-      place.Path("f.db.files/" + place.Value("f.db", "select uuid from run"));
-  const int lock = ::open((folder + "/lock").c_str(), O_RDWR | O_CLOEXEC);
+  const int lock = ::open((FolderOfRun1(place) + "/lock").c_str(), O_RDWR | O_CLOEXEC);
   ASSERT_EQ(::flock(lock, LOCK_SH), 0);
   const pid_t pid = place.Start({"resume", "--retry", "--db", "f.db"});
-  ASSERT_TRUE(WaitForMessage(place, pid, "started "));
+  ASSERT_TRUE(WaitForText(place.Path("err." + std::to_string(pid)), "started "));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ::close(lock);
   const ProgramResult result = place.Wait(pid);

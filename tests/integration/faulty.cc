@@ -1,5 +1,8 @@
 // faulty.cc - components that fail on request, to test that the host contains it.
+#include <unistd.h>
+
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -18,7 +21,13 @@ namespace {
   *null = 1;
 }
 
-enum class Fault { kNan, kOutside, kThrow, kSegfault, kExit, kHang };
+// Until a signal handler has run; says so in the run's log first.
+[[gnu::noinline]] void AwaitSignal() {
+  std::fputs("waiting\n", stderr);
+  ::pause();
+}
+
+enum class Fault { kNan, kOutside, kThrow, kSegfault, kExit, kHang, kSleep, kSegfaultAtStop };
 
 template <Fault kFault>
 class FaultyPlanner final : public Planner {
@@ -40,6 +49,12 @@ class FaultyPlanner final : public Planner {
         }
         break;
       }
+      case Fault::kSleep:
+        for (;;) AwaitSignal();
+      case Fault::kSegfaultAtStop:
+        AwaitSignal();
+        WriteToNull();
+        break;
     }
     return OkStatus();
   }
@@ -135,6 +150,8 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("segfault_planner", MakePlanner<Fault::kSegfault>),
     FaultyPlannerDescriptor("exiting_planner", MakePlanner<Fault::kExit>),
     FaultyPlannerDescriptor("hanging_planner", MakePlanner<Fault::kHang>),
+    FaultyPlannerDescriptor("sleeping_planner", MakePlanner<Fault::kSleep>),
+    FaultyPlannerDescriptor("segfault_at_stop_planner", MakePlanner<Fault::kSegfaultAtStop>),
     FaultyPlannerDescriptor("null_planner", MakeNull),
     FaultyModelDescriptor("nan_model", MakeModel<true>),
     FaultyModelDescriptor("wrong_size_model", MakeModel<false>),
