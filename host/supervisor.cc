@@ -30,6 +30,9 @@ namespace {
 // How long a run that was asked to end may take for its checkpoint.
 constexpr double kGraceSeconds = 60;
 
+// So much of a log is searched for its last line.
+constexpr std::streamoff kLogEndBytes = 64 << 10;
+
 std::atomic<int> stop_signals{0};
 
 void OnStopSignal(int) { ++stop_signals; }
@@ -74,9 +77,11 @@ double ProcessorSeconds(pid_t pid) {
   return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
 }
 
-// The end of a log, for the message about a crash.
+// The last line of a log, for the message about a crash; a plugin may have filled it.
 std::string LastLine(const std::filesystem::path& log) {
   std::ifstream file(log);
+  file.seekg(0, std::ios::end);
+  file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
   std::string last;
   for (std::string line; std::getline(file, line);) {
     if (!line.empty()) last = line;
