@@ -92,6 +92,7 @@ std::string LastLine(const std::filesystem::path& log) {
 struct ActiveRun {
   std::size_t index = 0;
   pid_t pid = -1;
+  std::int64_t after_segment = -1;  // the run's last one when it was started
   Descriptor reports;
   std::string unread;
   double started = 0;
@@ -113,6 +114,10 @@ class Sweep {
       : database_(database), options_(options), jobs_(std::move(jobs)) {
     result_.statuses.assign(jobs_.size(), results::RunStatus::kQueued);
     exit_codes_.assign(jobs_.size(), 0);
+    for (const SweepJob& job : jobs_) {
+      const std::optional<results::RunInfo> run = database_->GetRun(job.work.run_id);
+      planned_after_.push_back(run ? run->last_segment : -1);
+    }
     const auto cores = std::max<std::size_t>(1, std::thread::hardware_concurrency());
     const std::size_t at_once =
         std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
@@ -164,8 +169,23 @@ class Sweep {
     const SweepJob& job = jobs_[index];
     // Another runner on this database may have come first since the sweep was planned.
     const std::optional<results::RunInfo> known = database_->GetRun(job.work.run_id);
-    if (known && known->status == results::RunStatus::kFinished) {
+    if (!known) {
+      LeaveAlone(index, "it was deleted");
+      return;
+    }
+    if (known->status == results::RunStatus::kFinished) {
       LeaveAlone(index, "another process has finished it");
+      return;
+    }
+    // Its failure is not tried again unasked, and not a second time if asked.
+    const bool failed = known->status == results::RunStatus::kFailed ||
+                        known->status == results::RunStatus::kCrashed ||
+                        known->status == results::RunStatus::kDiverged;
+    if (failed && (!options_.retry || known->last_segment != planned_after_[index])) {
+      exit_codes_[index] = static_cast<int>(
+          known->exit_code.value_or(static_cast<int>(ExitCode::kInternal)));
+      LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
+                            " in another process (" + known->error + ")");
       return;
     }
     if (RunIsLocked(job.work.folder)) {
@@ -174,6 +194,7 @@ class Sweep {
     }
     auto run = std::make_unique<ActiveRun>();
     run->index = index;
+    run->after_segment = known->last_segment;
     try {
       std::error_code error;
       std::filesystem::create_directories(job.work.folder, error);
@@ -194,7 +215,7 @@ class Sweep {
       run->pid = StartChild(child);
       run->reports = std::move(pipe.read);
     } catch (const RunnerError& error) {
-      SetStatus(index, results::RunStatus::kFailed, error.exit_status(), error.what());
+      SetStatus(*run, results::RunStatus::kFailed, error.exit_status(), error.what());
       return;
     }
     run->started = ActivityClock::Now();
@@ -324,13 +345,13 @@ class Sweep {
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
       switch (run->killed) {
         case ActiveRun::Killed::kHang:
-          SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+          SetStatus(*run, results::RunStatus::kCrashed, crashed,
                     "no sign of life for " + FormatDuration(options_.hang_timeout_seconds) +
                         " of processor time while it was to " + run->line.stage +
                         "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
           break;
         case ActiveRun::Killed::kOverdue:
-          SetStatus(run->index, results::RunStatus::kKilled, crashed,
+          SetStatus(*run, results::RunStatus::kKilled, crashed,
                     "did not stop within " + FormatDuration(GraceSeconds()) + " of " +
                         (run->asked == ActiveRun::Asked::kTimeLimit ? "its " + time_limit
                                                                     : "being asked to") +
@@ -338,38 +359,38 @@ class Sweep {
                         ". The same command resumes it. Log: " + log);
           break;
         case ActiveRun::Killed::kStop:
-          SetStatus(run->index, results::RunStatus::kInterrupted, interrupted, "stopped at once");
+          SetStatus(*run, results::RunStatus::kInterrupted, interrupted, "stopped at once");
           break;
         case ActiveRun::Killed::kNo:
-          SetStatus(run->index, results::RunStatus::kKilled, crashed,
+          SetStatus(*run, results::RunStatus::kKilled, crashed,
                     "killed from outside (out of memory?). The same command resumes it");
           break;
       }
     } else if (WIFSIGNALED(status) && run->asked != ActiveRun::Asked::kNo &&
                StopSignals::Includes(WTERMSIG(status))) {
-      SetStatus(run->index, results::RunStatus::kInterrupted, interrupted,
+      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
                 "ended before it could checkpoint");
     } else if (WIFSIGNALED(status)) {
       const std::string last = LastLine(job.work.folder / "run.log");
-      SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+      SetStatus(*run, results::RunStatus::kCrashed, crashed,
                 "crashed with " + DescribeWaitStatus(status) + " while it was to " +
                     run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
     } else if (WEXITSTATUS(status) == 0) {
       if (run->done) {
-        SetStatus(run->index, results::RunStatus::kFinished, 0, "");
+        SetStatus(*run, results::RunStatus::kFinished, 0, "");
       } else {
-        SetStatus(run->index, results::RunStatus::kCrashed, crashed,
+        SetStatus(*run, results::RunStatus::kCrashed, crashed,
                   "its process ended without finishing; a plugin called exit? Log: " + log);
       }
     } else if (WEXITSTATUS(status) == interrupted) {
-      SetStatus(run->index, results::RunStatus::kInterrupted, interrupted,
+      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
                 run->asked == ActiveRun::Asked::kTimeLimit ? time_limit + " reached" : "");
     } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
-      SetStatus(run->index, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
+      SetStatus(*run, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
     } else if (RunIsLocked(job.work.folder)) {
       LeaveAlone(run->index, "another process began it at the same moment");
     } else {
-      SetStatus(run->index, results::RunStatus::kFailed, WEXITSTATUS(status),
+      SetStatus(*run, results::RunStatus::kFailed, WEXITSTATUS(status),
                 run->error.empty() ? DescribeWaitStatus(status) + ". Log: " + log : run->error);
     }
   }
@@ -384,13 +405,17 @@ class Sweep {
     display_.Say("left alone " + job.label + ": " + why);
   }
 
-  void SetStatus(std::size_t index, results::RunStatus status, int exit_code,
+  void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
                  const std::string& error) {
-    const SweepJob& job = jobs_[index];
-    result_.statuses[index] = status;
-    exit_codes_[index] = exit_code;
+    const SweepJob& job = jobs_[run.index];
+    if (!database_->SetRunStatus(job.work.run_id, status, exit_code, error,
+                                 results::WorkerInfo{run.pid, run.after_segment})) {
+      LeaveAlone(run.index, "another process has gone on with it");
+      return;
+    }
+    result_.statuses[run.index] = status;
+    exit_codes_[run.index] = exit_code;
     ++ended_;
-    database_->SetRunStatus(job.work.run_id, status, exit_code, error);
     std::string message = std::string(results::RunStatusName(status)) + " " + job.label;
     if (!error.empty()) message += ": " + error;
     display_.Say(message);
@@ -431,6 +456,7 @@ class Sweep {
   std::size_t next_ = 0;
   std::size_t ended_ = 0;
   std::map<std::size_t, std::unique_ptr<ActiveRun>> active_;
+  std::vector<std::int64_t> planned_after_;  // last segments of the jobs' runs at the beginning
   std::vector<int> exit_codes_;
   SweepResult result_;
   ProgressDisplay display_;

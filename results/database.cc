@@ -85,7 +85,8 @@ constexpr char kSelectRun[] =
     " r.planner_plugin, r.config_id, c.json, c.sha256, r.preset, r.seed, r.action_repeat,"
     " r.env_steps_target, r.env_steps_done, r.status, r.parent_run_id, r.log_path, r.exit_code,"
     " r.error, r.argv, r.build_id, r.created_utc, r.ended_utc, r.heartbeat_utc, r.result_digest,"
-    " (julianday('now') - julianday(r.heartbeat_utc)) * 86400.0"
+    " (julianday('now') - julianday(r.heartbeat_utc)) * 86400.0,"
+    " (SELECT ifnull(max(segment), -1) FROM segment WHERE run_id = r.run_id)"
     " FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)"
     " JOIN config c USING (config_id) ";
 
@@ -121,6 +122,7 @@ RunInfo ReadRun(const Statement& row) {
   run.heartbeat_utc = row.Text(i++);
   run.result_digest = row.Text(i++);
   run.heartbeat_age_seconds = row.IsNull(i) ? std::numeric_limits<double>::infinity() : row.Real(i);
+  run.last_segment = row.Int(++i);
   return run;
 }
 
@@ -497,11 +499,21 @@ CreatedRun Database::CreateRun(const NewRun& run) {
   return result;
 }
 
-void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional<int> exit_code,
-                            const std::string& error) {
+bool Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional<int> exit_code,
+                            const std::string& error, const std::optional<WorkerInfo>& worker) {
   const bool ended = status != RunStatus::kQueued && status != RunStatus::kRunning;
   const std::string name = RunStatusName(status);
+  bool taken_over = false;
   connection_->Transact([&] {
+    if (worker) {
+      Statement last = connection_->Prepare(
+          "SELECT ifnull(max(segment), -1), pid FROM segment WHERE run_id = ?1");
+      last.Bind(run_id).Step();
+      const std::int64_t segment = last.Int(0);
+      const bool own = segment > worker->after_segment && last.Int(1) == worker->pid;
+      taken_over = segment != worker->after_segment && !own;
+      if (taken_over) return;
+    }
     const std::string now = UtcNow();
     connection_
         ->Prepare(
@@ -523,6 +535,7 @@ void Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
         .Run();
     SealRecord(*connection_, run_id);
   });
+  return !taken_over;
 }
 
 void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {

@@ -145,6 +145,13 @@ struct RunInfo {
   std::string heartbeat_utc;         // empty before the first
   double heartbeat_age_seconds = 0;  // by this machine's clock; infinite before the first
   std::string result_digest;         // empty until it has finished
+  std::int64_t last_segment = -1;    // -1: nobody has worked on it yet
+};
+
+// Whose end a status is.
+struct WorkerInfo {
+  std::int64_t pid = -1;
+  std::int64_t after_segment = -1;  // the run's last_segment when the worker was started
 };
 
 // An episode as far as figures about it need it; times in microseconds a decision.
@@ -205,9 +212,11 @@ class Database {
   // the same key meanwhile, returns that run.
   CreatedRun CreateRun(const NewRun& run);
   // Ends or re-opens a run. A status other than queued and running sets ended_utc
-  // and closes the open segment with the status as its reason.
-  void SetRunStatus(std::int64_t run_id, RunStatus status,
-                    std::optional<int> exit_code = std::nullopt, const std::string& error = "");
+  // and closes the open segment with the status as its reason. With `worker`, returns
+  // false and changes nothing if another process has begun a segment since that worker.
+  bool SetRunStatus(std::int64_t run_id, RunStatus status,
+                    std::optional<int> exit_code = std::nullopt, const std::string& error = "",
+                    const std::optional<WorkerInfo>& worker = std::nullopt);
   // Plugins or configuration of an unfinished run changed with the user's leave:
   // replaces the row's settings, keeps its identity, deletes what it did so far.
   void ReplaceRun(std::int64_t run_id, const NewRun& run);

@@ -108,6 +108,14 @@ bool WaitUntilItSleeps(const Workplace& place) {
   return WaitForText(FolderOfRun1(place) + "/run.log", "waiting");
 }
 
+void KillSleepers(const Workplace& place) {
+  for (const std::string& pid : place.Query("f.db", "select pid from segment where run_id in "
+                                                    "(select run_id from run where planner = "
+                                                    "'sleeping_planner' and status = 'running')")) {
+    ::kill(std::stoi(pid), SIGKILL);
+  }
+}
+
 TEST(StopTest, ARunThatDoesNotEndAtItsTimeLimitIsKilled) {
   const Workplace place;
   const ProgramResult result = place.Runner(FaultyRun(
@@ -152,6 +160,24 @@ TEST(StopTest, ACrashWhileStoppingIsACrash) {
   EXPECT_EQ(result.exit_status, 75) << result.err;
   EXPECT_EQ(place.Value("f.db", "select status from run"), "crashed") << result.err;
   EXPECT_NE(result.err.find("signal 11"), std::string::npos) << result.err;
+}
+
+// A second runner on the same runs comes upon the failure of one that the first has planned.
+TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
+  const Workplace place;
+  const pid_t first = place.Start(
+      FaultyRun("sleeping_planner,null_planner", "dreamer", "f.db", {"--jobs", "1"}));
+  ASSERT_TRUE(WaitUntilItSleeps(place));
+  const ProgramResult second = place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
+  EXPECT_EQ(second.exit_status, 70) << second.err;
+  KillSleepers(place);
+  const ProgramResult result = place.Wait(first);
+  EXPECT_EQ(result.exit_status, 71) << result.err;
+  EXPECT_NE(result.err.find("left alone cartpole_balance null_planner seed 0"), std::string::npos)
+      << result.err;
+  EXPECT_EQ(place.Value("f.db", "select count(*) from segment join run using (run_id) "
+                                "where planner = 'null_planner'"),
+            "1");
 }
 
 // `runner status`, or another runner, asks at the moment at which the worker takes it.

@@ -332,6 +332,33 @@ TEST(Database, AUuidIsVersionFourAndFoundByItsBeginning) {
   EXPECT_EQ(ExitCodeOf([&] { db->GetRun("%"); }), kExitNoInput);
 }
 
+// The status of a worker that is no longer the last says nothing about the run.
+TEST(Database, ALateStatusLeavesTheRunOfAnotherWorkerAlone) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  const std::int64_t run = MakeRun(db.get());
+  EXPECT_EQ(db->GetRun(run)->last_segment, -1);
+  SegmentInfo segment = MakeSegment(db.get());
+  segment.pid = 100;
+  RunWriter(db.get(), run).BeginSegment(segment);
+  EXPECT_EQ(db->GetRun(run)->last_segment, 0);
+  const auto set = [&](const WorkerInfo& worker) {
+    return db->SetRunStatus(run, RunStatus::kCrashed, 71, "", worker);
+  };
+  // Worker 100 began segment 0; 200, which is newer, has not begun.
+  EXPECT_FALSE(set({.pid = 99, .after_segment = -1}));
+  EXPECT_EQ(db->GetRun(run)->status, RunStatus::kRunning);
+  EXPECT_EQ(db->connection().QueryInt("SELECT count(*) FROM segment WHERE ended_utc IS NULL"), 1);
+  EXPECT_TRUE(set({.pid = 100, .after_segment = -1}));
+  EXPECT_EQ(db->GetRun(run)->status, RunStatus::kCrashed);
+  EXPECT_TRUE(set({.pid = 200, .after_segment = 0}));
+  segment.pid = 200;
+  RunWriter(db.get(), run).BeginSegment(segment);
+  EXPECT_FALSE(set({.pid = 100, .after_segment = -1}));
+  EXPECT_EQ(db->GetRun(run)->status, RunStatus::kRunning);
+  EXPECT_TRUE(set({.pid = 200, .after_segment = 0}));
+}
+
 TEST(Database, StatusIsStoredAndEndsTheSegment) {
   const TemporaryFolder folder;
   const auto db = Database::OpenOrCreate(folder / "r.db");
