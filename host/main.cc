@@ -1,4 +1,6 @@
 // runner - trains, evaluates and inspects look-ahead agents. See --help.
+#include <signal.h>
+
 #include <exception>
 #include <functional>
 #include <iostream>
@@ -62,6 +64,8 @@ int Dispatch(std::vector<std::string> arguments) {
 }  // namespace dreamsearch
 
 int main(int argc, char** argv) {
+  // Whoever reads along may leave, as in `runner ... 2>&1 | head`: no sweep ends for it.
+  ::signal(SIGPIPE, SIG_IGN);
   int status = 0;
   try {
     status = dreamsearch::Dispatch({argv + 1, argv + argc});

@@ -11,6 +11,8 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <deque>
+#include <exception>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -29,6 +31,9 @@ namespace {
 
 // How long a run that was asked to end may take for its checkpoint.
 constexpr double kGraceSeconds = 60;
+
+// How often it is tried again to record what could not be.
+constexpr double kRecordAgainSeconds = 1;
 
 // So much of a log is searched for its last line.
 constexpr std::streamoff kLogEndBytes = 64 << 10;
@@ -108,6 +113,15 @@ struct ActiveRun {
   enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
 };
 
+// What became of a run.
+struct Ending {
+  std::size_t index = 0;
+  results::WorkerInfo worker;
+  results::RunStatus status = results::RunStatus::kFailed;
+  int exit_code = 0;
+  std::string error;
+};
+
 class Sweep {
  public:
   Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs)
@@ -152,10 +166,17 @@ class Sweep {
       Wait();
       WatchLimits();
       Reap();
+      if (ActivityClock::Now() - tried_to_record_ > kRecordAgainSeconds) RecordAgain();
       ShowProgress();
+    }
+    RecordAgain();
+    for (const Ending& ending : unrecorded_) {
+      display_.Say("could not be recorded in " + database_->path() + ": " + Describe(ending));
     }
     if (stopping_) {
       result_.exit_status = static_cast<int>(ExitCode::kInterrupted);
+    } else if (!unrecorded_.empty()) {
+      result_.exit_status = static_cast<int>(ExitCode::kInputOutput);
     } else {
       const auto bad = std::find_if(exit_codes_.begin(), exit_codes_.end(),
                                     [](int code) { return code != 0; });
@@ -165,7 +186,18 @@ class Sweep {
   }
 
  private:
+  // An error of the database costs the run that met it its turn, never the others.
   void Start(std::size_t index) {
+    try {
+      StartUnlessTaken(index);
+    } catch (const results::Error& error) {
+      exit_codes_[index] = error.exit_code();
+      ++ended_;
+      display_.Say("not started " + jobs_[index].label + ": " + error.what());
+    }
+  }
+
+  void StartUnlessTaken(std::size_t index) {
     const SweepJob& job = jobs_[index];
     // Another runner on this database may have come first since the sweep was planned.
     const std::optional<results::RunInfo> known = database_->GetRun(job.work.run_id);
@@ -216,6 +248,10 @@ class Sweep {
       run->reports = std::move(pipe.read);
     } catch (const RunnerError& error) {
       SetStatus(*run, results::RunStatus::kFailed, error.exit_status(), error.what());
+      return;
+    } catch (const std::exception& error) {
+      SetStatus(*run, results::RunStatus::kFailed, static_cast<int>(ExitCode::kInternal),
+                std::string("cannot be started: ") + error.what());
       return;
     }
     run->started = ActivityClock::Now();
@@ -398,8 +434,11 @@ class Sweep {
   // The run is another process's; its status is not ours to write.
   void LeaveAlone(std::size_t index, const std::string& why) {
     const SweepJob& job = jobs_[index];
-    if (const auto known = database_->GetRun(job.work.run_id)) {
-      result_.statuses[index] = known->status;
+    try {
+      if (const auto known = database_->GetRun(job.work.run_id)) {
+        result_.statuses[index] = known->status;
+      }
+    } catch (const results::Error&) {  // the status is for the summary only
     }
     ++ended_;
     display_.Say("left alone " + job.label + ": " + why);
@@ -407,18 +446,46 @@ class Sweep {
 
   void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
                  const std::string& error) {
-    const SweepJob& job = jobs_[run.index];
-    if (!database_->SetRunStatus(job.work.run_id, status, exit_code, error,
-                                 results::WorkerInfo{run.pid, run.after_segment})) {
-      LeaveAlone(run.index, "another process has gone on with it");
-      return;
+    const Ending ending{.index = run.index,
+                        .worker = {.pid = run.pid, .after_segment = run.after_segment},
+                        .status = status,
+                        .exit_code = exit_code,
+                        .error = error};
+    try {
+      if (!Record(ending)) {
+        LeaveAlone(run.index, "another process has gone on with it");
+        return;
+      }
+    } catch (const results::Error& problem) {
+      unrecorded_.push_back(ending);
+      display_.Say("cannot record yet what became of " + jobs_[run.index].label + ": " +
+                   problem.what());
     }
     result_.statuses[run.index] = status;
     exit_codes_[run.index] = exit_code;
     ++ended_;
-    std::string message = std::string(results::RunStatusName(status)) + " " + job.label;
-    if (!error.empty()) message += ": " + error;
-    display_.Say(message);
+    display_.Say(Describe(ending));
+  }
+
+  std::string Describe(const Ending& ending) const {
+    const std::string text = std::string(results::RunStatusName(ending.status)) + " " +
+                             jobs_[ending.index].label;
+    return ending.error.empty() ? text : text + ": " + ending.error;
+  }
+
+  // False if another process has gone on with the run, whose status then is not ours.
+  bool Record(const Ending& ending) {
+    return database_->SetRunStatus(jobs_[ending.index].work.run_id, ending.status,
+                                   ending.exit_code, ending.error, ending.worker);
+  }
+
+  // Tries again what could not be recorded.
+  void RecordAgain() {
+    tried_to_record_ = ActivityClock::Now();
+    try {
+      for (; !unrecorded_.empty(); unrecorded_.pop_front()) Record(unrecorded_.front());
+    } catch (const results::Error&) {  // the others would meet the same
+    }
   }
 
   void ShowProgress() {
@@ -458,6 +525,8 @@ class Sweep {
   std::map<std::size_t, std::unique_ptr<ActiveRun>> active_;
   std::vector<std::int64_t> planned_after_;  // last segments of the jobs' runs at the beginning
   std::vector<int> exit_codes_;
+  std::deque<Ending> unrecorded_;
+  double tried_to_record_ = 0;
   SweepResult result_;
   ProgressDisplay display_;
   bool stopping_ = false;

@@ -29,7 +29,8 @@ struct SweepJob {
 struct SweepResult {
   // One a job, in their order; nullopt-like kQueued for those never started.
   std::vector<results::RunStatus> statuses;
-  // 75 if stopped, else the first that is not 0 in the order of the jobs.
+  // 75 if stopped, 74 if a status could not be recorded, else the first that is not 0 in
+  // the order of the jobs.
   int exit_status = 0;
 };
 

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <thread>
@@ -95,17 +96,18 @@ bool WaitForText(const std::string& path, const std::string& text) {
   return false;
 }
 
-std::string FolderOfRun1(const Workplace& place) {
-  return place.Path("f.db.files/" +
-                    place.Value("f.db", "select uuid from run where run_id = 1"));
+std::string FolderOfRun(const Workplace& place, int run) {
+  return place.Path("f.db.files/" + place.Value("f.db", "select uuid from run where run_id = " +
+                                                            std::to_string(run)));
 }
 
-// Waits until the planner of run 1 sleeps.
-bool WaitUntilItSleeps(const Workplace& place) {
-  for (int i = 0; i < 2000 && place.Value("f.db", "select 1 from segment").empty(); ++i) {
+// Waits until the planner of the run sleeps.
+bool WaitUntilItSleeps(const Workplace& place, int run = 1) {
+  const std::string begun = "select 1 from segment where run_id = " + std::to_string(run);
+  for (int i = 0; i < 2000 && place.Value("f.db", begun).empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  return WaitForText(FolderOfRun1(place) + "/run.log", "waiting");
+  return WaitForText(FolderOfRun(place, run) + "/run.log", "waiting");
 }
 
 void KillSleepers(const Workplace& place) {
@@ -162,6 +164,62 @@ TEST(StopTest, ACrashWhileStoppingIsACrash) {
   EXPECT_NE(result.err.find("signal 11"), std::string::npos) << result.err;
 }
 
+TEST(SupervisorTest, AReaderThatLeavesEndsNoSweep) {
+  const Workplace place;
+  std::string command = "cd " + place.folder().string() + " && " DREAMSEARCH_TEST_BIN_DIR "/runner";
+  for (const std::string& argument : FaultyRun("dreamer", "dreamer", "f.db")) {
+    command += " " + argument;
+  }
+  command = "bash -c 'set -o pipefail; " + command + " 2>&1 | head -c 1 > /dev/null'";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "finished");
+}
+
+TEST(SupervisorTest, AStatusThatCannotBeRecordedEndsNoSweepAndIsRecordedLater) {
+  const Workplace place;
+  const pid_t pid = place.Start(
+      FaultyRun("sleeping_planner", "dreamer", "f.db", {"--seeds", "2", "--jobs", "2"}));
+  const std::string err = place.Path("err." + std::to_string(pid));
+  pid_t workers[2];
+  for (const int run : {1, 2}) {
+    ASSERT_TRUE(WaitUntilItSleeps(place, run));
+    workers[run - 1] = std::stoi(
+        place.Value("f.db", "select pid from segment where run_id = " + std::to_string(run)));
+  }
+  // A database that is not where it was is not written to.
+  std::filesystem::rename(place.Path("f.db"), place.Path("moved"));
+  ::kill(workers[0], SIGKILL);
+  ASSERT_TRUE(WaitForText(err, "cannot record yet what became of cartpole_balance"));
+  std::filesystem::rename(place.Path("moved"), place.Path("f.db"));
+  const std::string status = "select status from run where run_id = ";
+  for (int i = 0; i < 2000 && place.Value("f.db", status + "1") != "killed"; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(place.Value("f.db", status + "1"), "killed");
+  EXPECT_EQ(place.Value("f.db", status + "2"), "running");
+
+  std::filesystem::rename(place.Path("f.db"), place.Path("moved"));
+  ::kill(workers[1], SIGKILL);
+  const ProgramResult result = place.Wait(pid);
+  EXPECT_EQ(result.exit_status, 74) << result.err;
+  EXPECT_NE(result.err.find("f.db: killed cartpole_balance sleeping_planner seed 1"),
+            std::string::npos)
+      << result.err;
+}
+
+// JSON holds no such path, so the worker cannot be told what to do.
+TEST(SupervisorTest, ARunThatCannotBeStartedFailsAlone) {
+  const Workplace place;
+  std::filesystem::create_directory(place.Path("a"));
+  place.Runner(FaultyRun("null_planner", "dreamer", "a/f.db"));
+  std::filesystem::rename(place.Path("a"), place.Path("\xff"));
+  const ProgramResult result = place.Runner({"resume", "--retry", "--db", "\xff/f.db"});
+  EXPECT_EQ(result.exit_status, 70) << result.err;
+  EXPECT_NE(place.Value("\xff/f.db", "select error from run").find("cannot be started"),
+            std::string::npos)
+      << result.err;
+}
+
 // A second runner on the same runs comes upon the failure of one that the first has planned.
 TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
   const Workplace place;
@@ -184,7 +242,7 @@ TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
 TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
   const Workplace place;
   place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
-  const int lock = ::open((FolderOfRun1(place) + "/lock").c_str(), O_RDWR | O_CLOEXEC);
+  const int lock = ::open((FolderOfRun(place, 1) + "/lock").c_str(), O_RDWR | O_CLOEXEC);
   ASSERT_EQ(::flock(lock, LOCK_SH), 0);
   const pid_t pid = place.Start({"resume", "--retry", "--db", "f.db"});
   ASSERT_TRUE(WaitForText(place.Path("err." + std::to_string(pid)), "started "));
