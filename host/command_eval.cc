@@ -174,7 +174,11 @@ int EvalCommand(const std::vector<std::string>& arguments) {
 
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::size_t finished = 0;
+  int failed_before = 0;  // exit code of the first run that is left alone because it failed
   for (const PlannedRun& run : planned) {
+    if (run.action == Action::kSkipFailed && failed_before == 0) {
+      failed_before = FailureCode(*database->GetRun(run.run_id));
+    }
     if (run.action == Action::kSkipFinished) ++finished;
     if (run.action == Action::kSkipFailed || run.action == Action::kSkipActive) {
       std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
@@ -191,7 +195,7 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
     std::cerr << "the same command goes on\n";
   }
-  return result.exit_status;
+  return result.exit_status != 0 ? result.exit_status : failed_before;
 }
 
 }  // namespace dreamsearch

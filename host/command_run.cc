@@ -189,8 +189,12 @@ int RunCommand(const std::vector<std::string>& arguments) {
   }
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::map<Action, int> counts;
+  int failed_before = 0;  // exit code of the first run that is left alone because it failed
   for (const PlannedRun& run : planned) {
     ++counts[run.action];
+    if (run.action == Action::kSkipFailed && failed_before == 0) {
+      failed_before = FailureCode(*database->GetRun(run.run_id));
+    }
     if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
       std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
     }
@@ -219,6 +223,10 @@ int RunCommand(const std::vector<std::string>& arguments) {
     }
     std::cerr << std::endl;
   }
+  if (failed_before != 0) {
+    std::cerr << counts[Action::kSkipFailed] << " failed before; --retry runs them again"
+              << std::endl;
+  }
   const std::string db = options.process.db.string();
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
     std::cerr << "go on with the same command, or with: " << ProgramPath("runner")
@@ -228,7 +236,7 @@ int RunCommand(const std::vector<std::string>& arguments) {
               << "      " << ProgramPath("results") << " curves --db " << db
               << " --out curves.svg\n";
   }
-  return result.exit_status;
+  return result.exit_status != 0 ? result.exit_status : failed_before;
 }
 
 }  // namespace dreamsearch

@@ -696,7 +696,8 @@ Commands
 Exit status
   0 ok, 2 usage, 65 bad input, 66 not found, 69 plugin refused, 70 internal error,
   71 plugin crashed, 72 diverged, 73 cannot create, 74 input/output, 75 interrupted,
-  77 permission, 78 verification failed
+  77 permission, 78 verification failed. Of several runs: 75 if stopped, else that of the
+  first that is not 0, those that failed before and are left alone included
 )";
   return text.str();
 }

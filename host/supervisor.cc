@@ -214,8 +214,7 @@ class Sweep {
                         known->status == results::RunStatus::kCrashed ||
                         known->status == results::RunStatus::kDiverged;
     if (failed && (!options_.retry || known->last_segment != planned_after_[index])) {
-      exit_codes_[index] = static_cast<int>(
-          known->exit_code.value_or(static_cast<int>(ExitCode::kInternal)));
+      exit_codes_[index] = FailureCode(*known);
       LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
                             " in another process (" + known->error + ")");
       return;
@@ -536,6 +535,10 @@ class Sweep {
 };
 
 }  // namespace
+
+int FailureCode(const results::RunInfo& run) {
+  return static_cast<int>(run.exit_code.value_or(static_cast<int>(ExitCode::kInternal)));
+}
 
 SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
                      std::vector<SweepJob> jobs) {

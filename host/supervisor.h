@@ -34,6 +34,9 @@ struct SweepResult {
   int exit_status = 0;
 };
 
+// The exit code stored with a run's failure.
+int FailureCode(const results::RunInfo& run);
+
 SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
                      std::vector<SweepJob> jobs);
 

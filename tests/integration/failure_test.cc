@@ -164,6 +164,16 @@ TEST(StopTest, ACrashWhileStoppingIsACrash) {
   EXPECT_NE(result.err.find("signal 11"), std::string::npos) << result.err;
 }
 
+TEST(SupervisorTest, ARepeatedCommandExitsLikeTheRunThatFailedBefore) {
+  const Workplace place;
+  const std::vector<std::string> arguments = FaultyRun("null_planner", "dreamer", "f.db");
+  EXPECT_EQ(place.Runner(arguments).exit_status, 70);
+  const ProgramResult again = place.Runner(arguments);
+  EXPECT_EQ(again.exit_status, 70) << again.err;
+  EXPECT_NE(again.err.find("1 failed before; --retry runs them again"), std::string::npos)
+      << again.err;
+}
+
 TEST(SupervisorTest, AReaderThatLeavesEndsNoSweep) {
   const Workplace place;
   std::string command = "cd " + place.folder().string() + " && " DREAMSEARCH_TEST_BIN_DIR "/runner";
