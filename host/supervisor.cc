@@ -120,6 +120,7 @@ struct Ending {
   results::RunStatus status = results::RunStatus::kFailed;
   int exit_code = 0;
   std::string error;
+  std::int64_t env_step = 0;  // of training, as far as reports told
 };
 
 class Sweep {
@@ -445,11 +446,14 @@ class Sweep {
 
   void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
                  const std::string& error) {
-    const Ending ending{.index = run.index,
-                        .worker = {.pid = run.pid, .after_segment = run.after_segment},
-                        .status = status,
-                        .exit_code = exit_code,
-                        .error = error};
+    const SweepJob& job = jobs_[run.index];
+    const Ending ending{
+        .index = run.index,
+        .worker = {.pid = run.pid, .after_segment = run.after_segment},
+        .status = status,
+        .exit_code = exit_code,
+        .error = error,
+        .env_step = job.work.spec.evaluation ? 0 : static_cast<std::int64_t>(run.line.env_step)};
     try {
       if (!Record(ending)) {
         LeaveAlone(run.index, "another process has gone on with it");
@@ -457,8 +461,7 @@ class Sweep {
       }
     } catch (const results::Error& problem) {
       unrecorded_.push_back(ending);
-      display_.Say("cannot record yet what became of " + jobs_[run.index].label + ": " +
-                   problem.what());
+      display_.Say("cannot record yet what became of " + job.label + ": " + problem.what());
     }
     result_.statuses[run.index] = status;
     exit_codes_[run.index] = exit_code;
@@ -467,15 +470,28 @@ class Sweep {
   }
 
   std::string Describe(const Ending& ending) const {
-    const std::string text = std::string(results::RunStatusName(ending.status)) + " " +
-                             jobs_[ending.index].label;
+    const std::string text =
+        std::string(results::RunStatusName(ending.status)) + " " + jobs_[ending.index].label;
     return ending.error.empty() ? text : text + ": " + ending.error;
   }
 
   // False if another process has gone on with the run, whose status then is not ours.
   bool Record(const Ending& ending) {
-    return database_->SetRunStatus(jobs_[ending.index].work.run_id, ending.status,
-                                   ending.exit_code, ending.error, ending.worker);
+    const std::int64_t run_id = jobs_[ending.index].work.run_id;
+    bool recorded = false;
+    database_->connection().Transact([&] {
+      recorded = database_->SetRunStatus(run_id, ending.status, ending.exit_code, ending.error,
+                                         ending.worker);
+      // The worker has written what it could notice itself.
+      const bool noticed = ending.status == results::RunStatus::kFailed ||
+                           ending.status == results::RunStatus::kDiverged;
+      if (!recorded || noticed || ending.error.empty()) return;
+      database_->AddEvent(run_id,
+                          std::max(ending.env_step, database_->GetRun(run_id)->env_steps_done),
+                          ending.status == results::RunStatus::kInterrupted ? "info" : "error",
+                          results::RunStatusName(ending.status), ending.error);
+    });
+    return recorded;
   }
 
   // Tries again what could not be recorded.

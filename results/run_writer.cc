@@ -104,7 +104,11 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
           .Run();
       rolled_back += connection_.Changes();
     }
-    connection_.Prepare("DELETE FROM event WHERE run_id = ?1 AND seq >= ?2")
+    // What ended a segment and what began one stays; other events go with their rows.
+    connection_
+        .Prepare(
+            "DELETE FROM event WHERE run_id = ?1 AND seq >= ?2 AND kind NOT IN ('crashed',"
+            " 'damaged_checkpoint', 'diverged', 'failed', 'interrupted', 'killed', 'resume')")
         .Bind(run_id_, point.events)
         .Run();
     rolled_back += connection_.Changes();

@@ -84,7 +84,8 @@ class RunWriter {
   RunWriter& operator=(const RunWriter&) = delete;
 
   // Opens a segment, sets the run to running and, in the same transaction, deletes
-  // what was recorded past `point` and rebuilds bins and digests. Comes first.
+  // what was recorded past `point` and rebuilds bins and digests. Comes first. Events
+  // that say how a segment began or ended stay.
   void BeginSegment(const SegmentInfo& segment, const ResumePoint& point = {});
 
   void AddStep(const StepRow& row);

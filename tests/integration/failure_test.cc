@@ -126,6 +126,9 @@ TEST(StopTest, ARunThatDoesNotEndAtItsTimeLimitIsKilled) {
   EXPECT_EQ(place.Value("f.db", "select status from run"), "killed") << result.err;
   EXPECT_NE(result.err.find("did not stop within 1 s of its time limit of 3 s"), std::string::npos)
       << result.err;
+  EXPECT_EQ(place.Value("f.db", "select e.detail = r.error and e.env_step >= 1000 from event e "
+                                "join run r using (run_id) where e.kind = r.status"),
+            "1");
 }
 
 TEST(StopTest, ARunThatDoesNotEndWhenAskedToIsKilled) {

@@ -253,6 +253,27 @@ TEST_F(RunWriterTest, AFreshStartDeletesEverythingEvenOfStepZero) {
   }
 }
 
+// The history of the run's segments is not remade, so it is not rolled back.
+TEST_F(RunWriterTest, AResumeKeepsTheEventsThatEndedAndBeganSegments) {
+  {
+    RunWriter writer(db_.get(), run_);
+    writer.BeginSegment(MakeSegment(db_.get()));
+    writer.AddEvent(0, "info", "start", "");
+    writer.AddStep({.env_step = 2, .reward = NAN});
+    writer.AddEvent(2, "info", "resume", "");
+    writer.Commit();
+  }
+  db_->AddEvent(run_, 2, "error", "crashed", "signal 11");
+  RunWriter writer(db_.get(), run_);
+  writer.BeginSegment(MakeSegment(db_.get()), {.events = 1});
+  EXPECT_EQ(db_->connection().QueryText("SELECT group_concat(seq || kind) FROM event"),
+            "0start,2resume,3crashed");
+  EXPECT_EQ(writer.events(), 4);
+  writer.AddEvent(2, "warning", "slow", "");
+  writer.Commit();
+  EXPECT_EQ(writer.events(), 5);
+}
+
 TEST_F(RunWriterTest, WhatIsNotFiniteIsNullWithAnEvent) {
   RunWriter writer(db_.get(), run_);
   writer.BeginSegment(MakeSegment(db_.get()));
