@@ -456,7 +456,7 @@ class Sweep {
         .env_step = job.work.spec.evaluation ? 0 : static_cast<std::int64_t>(run.line.env_step)};
     try {
       if (!Record(ending)) {
-        LeaveAlone(run.index, "another process has gone on with it");
+        LeaveAlone(run.index, "another process has gone on with it or deleted it");
         return;
       }
     } catch (const results::Error& problem) {
@@ -475,7 +475,7 @@ class Sweep {
     return ending.error.empty() ? text : text + ": " + ending.error;
   }
 
-  // False if another process has gone on with the run, whose status then is not ours.
+  // False if another process has gone on with the run or deleted it: its status is not ours.
   bool Record(const Ending& ending) {
     const std::int64_t run_id = jobs_[ending.index].work.run_id;
     bool recorded = false;

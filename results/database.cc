@@ -522,6 +522,10 @@ bool Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
         .Bind(run_id, name, exit_code, error, ended ? std::optional(now) : std::nullopt)
         .Run();
     if (connection_->Changes() != 1) {
+      if (worker) {
+        taken_over = true;
+        return;
+      }
       throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
     }
     UnsealRecord(*connection_, run_id);

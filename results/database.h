@@ -213,7 +213,8 @@ class Database {
   CreatedRun CreateRun(const NewRun& run);
   // Ends or re-opens a run. A status other than queued and running sets ended_utc
   // and closes the open segment with the status as its reason. With `worker`, returns
-  // false and changes nothing if another process has begun a segment since that worker.
+  // false and changes nothing if another process has begun a segment since that worker
+  // or has deleted the run; otherwise a run that is not there is an Error 66.
   bool SetRunStatus(std::int64_t run_id, RunStatus status,
                     std::optional<int> exit_code = std::nullopt, const std::string& error = "",
                     const std::optional<WorkerInfo>& worker = std::nullopt);

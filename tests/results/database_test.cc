@@ -357,6 +357,9 @@ TEST(Database, ALateStatusLeavesTheRunOfAnotherWorkerAlone) {
   EXPECT_FALSE(set({.pid = 100, .after_segment = -1}));
   EXPECT_EQ(db->GetRun(run)->status, RunStatus::kRunning);
   EXPECT_TRUE(set({.pid = 200, .after_segment = 0}));
+  db->DeleteRun(run);
+  EXPECT_FALSE(set({.pid = 200, .after_segment = 0}));
+  EXPECT_FALSE(set({.pid = 200, .after_segment = -1}));
 }
 
 TEST(Database, StatusIsStoredAndEndsTheSegment) {
