@@ -1,20 +1,17 @@
 #include "checkpoint.h"
 
-#include <fcntl.h>
 #include <openssl/sha.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cinttypes>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <sstream>
 
-#include "child_process.h"
 #include "error.h"
+#include "whole_file.h"
 
 namespace dreamsearch {
 namespace {
@@ -33,45 +30,11 @@ Digest SectionDigest(const std::string& name, const char* data, std::size_t size
   return digest;
 }
 
-[[noreturn]] void ThrowErrno(const std::filesystem::path& path, const char* what, int error) {
-  std::error_code ignored;
-  const auto space = std::filesystem::space(path.parent_path(), ignored);
-  std::string message = std::string("cannot ") + what + " " +
-                        std::filesystem::absolute(path).string() + ": " + std::strerror(error);
-  if (!ignored) message += " (" + std::to_string(space.available) + " bytes free)";
-  const bool permission = error == EACCES || error == EPERM || error == EROFS;
-  const bool missing_folder = error == ENOENT || error == ENOTDIR;
-  throw RunnerError(permission       ? ExitCode::kPermission
-                    : missing_folder ? ExitCode::kCannotCreate
-                                     : ExitCode::kInputOutput,
-                    message);
-}
-
-void WriteOrThrow(int fd, const char* data, std::size_t size, const std::filesystem::path& path) {
-  while (size > 0) {
-    const ssize_t written = ::write(fd, data, size);
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      ThrowErrno(path, "write", errno);
-    }
-    data += written;
-    size -= static_cast<std::size_t>(written);
-  }
-}
-
-void SyncFolder(const std::filesystem::path& folder) {
-  Descriptor fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (fd.get() < 0 || ::fsync(fd.get()) != 0) ThrowErrno(folder / ".", "sync", errno);
-}
-
 }  // namespace
 
 void WriteCheckpointFile(const std::filesystem::path& path, const CheckpointSections& sections) {
-  const std::filesystem::path temporary = path.string() + ".tmp";
-  {
-    Descriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-    if (fd.get() < 0) ThrowErrno(temporary, "create", errno);
-    const auto write_section = [&](const std::string& name, const std::string& data) {
+  WriteWholeFile(path, [&](const Append& append) {
+    const auto append_section = [&](const std::string& name, const std::string& data) {
       const std::uint64_t name_size = name.size(), data_size = data.size();
       const Digest digest = SectionDigest(name, data.data(), data.size());
       std::string head;
@@ -79,22 +42,13 @@ void WriteCheckpointFile(const std::filesystem::path& path, const CheckpointSect
       head.append(name);
       head.append(reinterpret_cast<const char*>(&data_size), sizeof data_size);
       head.append(reinterpret_cast<const char*>(digest.data()), digest.size());
-      WriteOrThrow(fd.get(), head.data(), head.size(), temporary);
-      WriteOrThrow(fd.get(), data.data(), data.size(), temporary);
+      append(head);
+      append(data);
     };
-    try {
-      WriteOrThrow(fd.get(), kMagic, sizeof kMagic, temporary);
-      for (const auto& [name, data] : sections) write_section(name, data);
-      write_section(kEnd, "");
-      if (::fsync(fd.get()) != 0) ThrowErrno(temporary, "sync", errno);
-      if (::close(fd.Release()) != 0) ThrowErrno(temporary, "close", errno);
-    } catch (...) {
-      ::unlink(temporary.c_str());
-      throw;
-    }
-  }
-  if (::rename(temporary.c_str(), path.c_str()) != 0) ThrowErrno(path, "rename to", errno);
-  SyncFolder(path.parent_path());
+    append({kMagic, sizeof kMagic});
+    for (const auto& [name, data] : sections) append_section(name, data);
+    append_section(kEnd, "");
+  });
 }
 
 CheckpointSections ReadCheckpointFile(const std::filesystem::path& path) {

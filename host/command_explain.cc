@@ -12,11 +12,11 @@
 #include "options.h"
 #include "progress.h"
 #include "question.h"
+#include "results/table.h"
 #include "schedule.h"
 #include "sweep.h"
 #include "text_table.h"
 #include "trained_run.h"
-#include "whole_file.h"
 
 namespace dreamsearch {
 
@@ -226,8 +226,8 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
     out = "run" + std::to_string(subject.info.run_id) + (training ? "_training" : "") + "_episode" +
           std::to_string(episode) + "_decision" + std::to_string(decision);
   }
-  WriteWholeFile(out + ".json", tree.dump() + "\n");
-  WriteWholeFile(out + ".html", TreePage(tree));
+  results::WriteFile(out + ".json", tree.dump() + "\n");
+  results::WriteFile(out + ".html", TreePage(tree));
   PrintRoot(tree);
   std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()
             << " edges\n";

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "whole_file.h"
+#include "results/table.h"
 
 namespace dreamsearch {
 namespace {
@@ -63,7 +63,7 @@ std::uint64_t WriteSafetensors(const std::filesystem::path& path,
     bytes.append(reinterpret_cast<const char*>(tensor.values.data()),
                  tensor.values.size() * sizeof(float));
   }
-  WriteWholeFile(path, bytes);
+  results::WriteFile(path.string(), bytes);
   return bytes.size();
 }
 

@@ -35,8 +35,8 @@ class TensorCollector final : public TensorSink {
   std::vector<NamedTensor> tensors_;
 };
 
-// Writes the file whole or not at all. `metadata` becomes the header's __metadata__.
-// Throws RunnerError 73, 74 or 77 with the path. Returns its size in bytes.
+// Writes the file as results::OutputFile does. `metadata` becomes the header's
+// __metadata__. Returns its size in bytes.
 std::uint64_t WriteSafetensors(const std::filesystem::path& path,
                                const std::vector<NamedTensor>& tensors,
                                const std::map<std::string, std::string>& metadata);

@@ -189,6 +189,10 @@ std::unique_ptr<Database> Database::OpenReadOnly(const std::string& path) {
 }
 
 Database::Database(const std::string& path, OpenMode mode) {
+  if (path.empty()) {
+    throw Error(kExitUsage, "expected the name of a results database, found nothing. Name one "
+                            "with --db.");
+  }
   const std::string absolute = AbsolutePath(path);
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(absolute, error);
@@ -197,11 +201,16 @@ Database::Database(const std::string& path, OpenMode mode) {
       throw Error(kExitNoInput, absolute + ": there is no such database. Name one with --db.");
     }
     CreateFolders(absolute);
-  } else if (error == std::errc::permission_denied) {
-    throw Error(kExitPermission, absolute + ": cannot be reached: " + error.message());
+  } else if (error) {
+    throw Error(error == std::errc::permission_denied ? kExitPermission : kExitInputOutput,
+                absolute + ": cannot be reached: " + error.message());
   } else if (status.type() == std::filesystem::file_type::directory) {
     throw Error(mode == OpenMode::kCreate ? kExitCannotCreate : kExitBadData,
                 absolute + ": expected a results database, found a folder.");
+  } else if (status.type() != std::filesystem::file_type::regular) {
+    throw Error(mode == OpenMode::kCreate ? kExitCannotCreate : kExitBadData,
+                absolute + ": expected a results database, found a device, a pipe or a socket. "
+                           "Name another file with --db.");
   } else if (access(absolute.c_str(), mode == OpenMode::kReadOnly ? R_OK : R_OK | W_OK) != 0) {
     throw Error(kExitPermission, absolute + ": may not be " +
                                      (mode == OpenMode::kReadOnly ? "read" : "written") +

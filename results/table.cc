@@ -1,6 +1,7 @@
 #include "results/table.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -62,6 +64,15 @@ std::string MarkdownCell(const Cell& cell) {
     escaped += c;
   }
   return escaped;
+}
+
+// Where a path ends when its symbolic links are followed; nothing need be there.
+std::string FinalTarget(std::filesystem::path path) {
+  std::error_code error;
+  while (std::filesystem::is_symlink(path, error)) {
+    path = path.parent_path() / std::filesystem::read_symlink(path, error);
+  }
+  return path.string();
 }
 
 }  // namespace
@@ -195,8 +206,17 @@ Table ReadTable(Statement* statement) {
   return table;
 }
 
-OutputFile::OutputFile(const std::string& path)
-    : path_(AbsolutePath(path)), temporary_(path_ + ".part" + std::to_string(getpid())) {
+OutputFile::OutputFile(const std::string& path) : path_(AbsolutePath(path)) {
+  struct stat there;
+  const bool exists = stat(path_.c_str(), &there) == 0;
+  if (!exists && errno == ELOOP) Fail("created");
+  if (exists && !S_ISREG(there.st_mode)) {
+    file_ = open(path_.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
+    if (file_ < 0) Fail("written");
+    return;
+  }
+  path_ = FinalTarget(path_);
+  temporary_ = path_ + ".part" + std::to_string(getpid());
   file_ = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file_ < 0) Fail("created");
 }
@@ -204,14 +224,18 @@ OutputFile::OutputFile(const std::string& path)
 OutputFile::~OutputFile() {
   if (file_ < 0) return;
   close(file_);
-  unlink(temporary_.c_str());
+  RemoveTemporary();
+}
+
+void OutputFile::RemoveTemporary() {
+  if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
 void OutputFile::Fail(const char* what) {
   const int error = errno;
   if (file_ >= 0) close(file_);
   file_ = -1;
-  unlink(temporary_.c_str());
+  RemoveTemporary();
   const int exit_code = error == EACCES || error == EPERM || error == EROFS  ? kExitPermission
                         : error == ENOSPC || error == EIO || error == EDQUOT ? kExitInputOutput
                                                                              : kExitCannotCreate;
@@ -236,9 +260,10 @@ void OutputFile::Flush() {
 
 void OutputFile::Close() {
   Flush();
+  if (!temporary_.empty() && fsync(file_) != 0) Fail("written");
   const int file = std::exchange(file_, -1);
   if (close(file) != 0) Fail("written");
-  if (rename(temporary_.c_str(), path_.c_str()) != 0) Fail("put in place");
+  if (!temporary_.empty() && rename(temporary_.c_str(), path_.c_str()) != 0) Fail("put in place");
 }
 
 void WriteFile(const std::string& path, const std::string& bytes) {

@@ -42,8 +42,10 @@ std::string Grouped(std::int64_t value);
 // Characters of UTF-8.
 std::size_t Width(const std::string& text);
 
-// A file that is there whole or not at all: written under another name, renamed by
-// Close. Not closed, it leaves nothing. Throws Error 73, 74 or 77.
+// An output that the user named, there whole or not at all: written under another
+// name, synced and renamed by Close. Not closed, it leaves nothing. Symbolic links are
+// followed. What is there and no regular file (a pipe, a terminal) is written to as it
+// is, never replaced. Throws Error 73, 74 or 77.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);
@@ -56,9 +58,12 @@ class OutputFile {
 
  private:
   void Flush();
+  void RemoveTemporary();
   [[noreturn]] void Fail(const char* what);
 
-  std::string path_, temporary_, buffer_;
+  std::string path_;
+  std::string temporary_;  // empty: written to path_ itself
+  std::string buffer_;
   int file_ = -1;
 };
 

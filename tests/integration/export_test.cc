@@ -107,6 +107,13 @@ print(len(header))
   EXPECT_GT(std::stoi(FileBytes(place_->Path("count"))), 10);
 }
 
+TEST_F(ExportTest, WritesWhereALinkPoints) {
+  std::filesystem::create_symlink("elsewhere", place_->Path("link"));
+  ASSERT_EQ(place_->Runner({"export", "1", "--db", "e.db", "--out", "link"}).exit_status, 0);
+  EXPECT_TRUE(std::filesystem::is_symlink(place_->Path("link")));
+  EXPECT_EQ(FileBytes(place_->Path("elsewhere")), FileBytes(place_->Path("w.safetensors")));
+}
+
 TEST_F(ExportTest, NamesWhatItCannotExport) {
   const ProgramResult absent = place_->Runner({"export", "99", "--db", "e.db"});
   EXPECT_EQ(absent.exit_status, 66) << absent.err;

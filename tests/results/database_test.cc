@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -225,6 +226,11 @@ TEST(Database, WhatIsMissingOrInTheWaySaysSo) {
   Write(folder / "file", "x");
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "file/r.db"); }, folder / "file"),
             kExitCannotCreate);
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "pipe"); }, "a pipe"),
+            kExitCannotCreate);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "pipe"); }, "a pipe"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(""); }, "--db"), kExitUsage);
 }
 
 TEST(Database, DeletedWhileOpenIsFoundAtTheNextWrite) {

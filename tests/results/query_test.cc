@@ -1,7 +1,9 @@
-// What other people's SQL may do: read, and nothing else.
+// What other people's SQL may do: read, and nothing else; and where its answer goes.
 #include "results/query.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "recording.h"
 #include "results/error.h"
@@ -46,6 +48,36 @@ TEST_F(QueryTest, ChangesNothing) {
     Csv("SELECT value FROM json_each('[5]')");
   }
   EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find("1"), std::string::npos);
+}
+
+TEST(OutputFile, WritesWhereALinkPointsAndLeavesTheLink) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_symlink("sub/second", folder / "first");
+  std::filesystem::create_symlink("../target", folder / "sub/second");
+  for (const char* text : {"into nothing", "over the old"}) {
+    WriteFile(folder / "first", text);
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "first"));
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "sub/second"));
+    EXPECT_FALSE(std::filesystem::is_symlink(folder / "target"));
+    EXPECT_EQ(ReadWholeFile(folder / "target"), text);
+  }
+  std::filesystem::create_symlink("loop", folder / "loop");
+  EXPECT_THROW(WriteFile(folder / "loop", "x"), Error);
+}
+
+TEST(OutputFile, WritesIntoWhatIsNoRegularFile) {
+  const TemporaryFolder folder;
+  const std::string fifo = folder / "pipe";
+  ASSERT_EQ(mkfifo(fifo.c_str(), 0600), 0);
+  const int reader = open(fifo.c_str(), O_RDONLY | O_NONBLOCK);
+  WriteFile(fifo, "through");
+  char text[16] = {};
+  EXPECT_EQ(read(reader, text, sizeof text - 1), 7);
+  close(reader);
+  EXPECT_STREQ(text, "through");
+  EXPECT_TRUE(std::filesystem::is_fifo(fifo));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 }
 
 }  // namespace
