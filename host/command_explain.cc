@@ -199,7 +199,7 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   }
   nlohmann::json tree;
   if (training) {
-    tree = KeptTree(database->RunFolder(subject.info.uuid), name,
+    tree = KeptTree(database->RunFolder(subject.info), name,
                     static_cast<std::uint64_t>(episode), static_cast<std::uint64_t>(decision));
   } else {
     Question question;

@@ -51,7 +51,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
                         run.status == results::RunStatus::kCrashed ||
                         run.status == results::RunStatus::kDiverged;
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
-    if (RunIsLocked(database->RunFolder(run.uuid))) {
+    if (RunIsLocked(database->RunFolder(run))) {
       std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";
       continue;
     }

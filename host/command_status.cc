@@ -40,7 +40,7 @@ int StatusCommand(const std::vector<std::string>& arguments) {
   };
   for (const results::RunInfo& run : runs) label_width = std::max(label_width, label(run).size());
   for (const results::RunInfo& run : runs) {
-    const bool held = RunIsLocked(database->RunFolder(run.uuid));
+    const bool held = RunIsLocked(database->RunFolder(run));
     std::string state = results::RunStatusName(run.status);
     // A run that says it is running but that nobody holds lost its process.
     if (run.status == results::RunStatus::kRunning && !held) state = "stale";

@@ -51,14 +51,15 @@ void RemoveCheckpoints(const std::filesystem::path& folder) {
 }
 
 SweepJob JobFor(results::Database* database, const ProcessOptions& options, const RunSpec& spec,
-                std::int64_t run_id, const std::string& uuid) {
+                const results::RunInfo& run) {
   SweepJob job;
   job.label = RunLabel(spec);
   job.work.spec = spec;
   job.work.db = database->path();
-  job.work.run_id = run_id;
-  job.work.folder = database->RunFolder(uuid);
-  job.work.agent_checkpoint = AgentCheckpoint(database, spec);
+  job.work.run_id = run.run_id;
+  job.work.folder = database->RunFolder(run);
+  // A repetition by `runner verify` has its trained run in another database.
+  if (KeyOf(spec).parent_run_id) job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   job.work.memory_limit_bytes = options.memory_limit_bytes;
   job.work.log_decisions = options.log_decisions;
   job.work.record_trees = options.record_trees;
@@ -111,7 +112,7 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
         database != nullptr ? database->FindRun(KeyOf(spec)) : std::nullopt;
     if (found) {
       run.run_id = found->run_id;
-      const std::filesystem::path folder = database->RunFolder(found->uuid);
+      const std::filesystem::path folder = database->RunFolder(*found);
       const bool failed = found->status == results::RunStatus::kFailed ||
                           found->status == results::RunStatus::kCrashed ||
                           found->status == results::RunStatus::kDiverged;
@@ -155,8 +156,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     const PlannedRun& run = runs[i];
     const RunSpec& spec = run.spec;
     if (run.action == Action::kResume) {
-      jobs.push_back(JobFor(database, options, spec, run.run_id,
-                            database->GetRun(run.run_id)->uuid));
+      jobs.push_back(JobFor(database, options, spec, *database->GetRun(run.run_id)));
       continue;
     }
     if (run.action != Action::kStart && run.action != Action::kStartOver) continue;
@@ -178,30 +178,33 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.argv = nlohmann::json(argv).dump();
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;
-    std::string uuid;
     if (run.action == Action::kStartOver) {
-      uuid = database->GetRun(run_id)->uuid;
-      RemoveCheckpoints(database->RunFolder(uuid));
+      RemoveCheckpoints(database->RunFolder(*database->GetRun(run_id)));
       database->ReplaceRun(run_id, row);
     } else {
-      const results::CreatedRun created = database->CreateRun(row);
-      run_id = created.run_id;
-      uuid = created.uuid;
+      run_id = database->CreateRun(row).run_id;
     }
-    WriteSpec(database->RunFolder(uuid), spec);
-    jobs.push_back(JobFor(database, options, spec, run_id, uuid));
+    const results::RunInfo recorded = *database->GetRun(run_id);
+    WriteSpec(database->RunFolder(recorded), spec);
+    jobs.push_back(JobFor(database, options, spec, recorded));
   }
   return jobs;
 }
 
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
-  const std::filesystem::path path =
-      std::filesystem::path(database->RunFolder(run.uuid)) / kSpecFile;
+  const std::filesystem::path folder = database->RunFolder(run);
+  const std::filesystem::path path = folder / kSpecFile;
   std::ifstream file(path);
   if (!file) {
-    throw RunnerError(ExitCode::kNotFound,
-                      "no " + path.string() + ": the files of run " + std::to_string(run.run_id) +
-                          " are gone. Give the command that began it again: " + run.argv);
+    const bool finished = run.status == results::RunStatus::kFinished;
+    throw RunnerError(
+        ExitCode::kNotFound,
+        "the files of run " + std::to_string(run.run_id) + " are gone: expected " +
+            path.string() + ". Put the folder " + folder.string() + " back from where " +
+            database->path() + " came from, or " +
+            (finished ? "delete the run with `results delete` and give its command again: "
+                      : "give the command that began it again: ") +
+            run.argv);
   }
   const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
@@ -225,8 +228,8 @@ std::string ChangedFile(const RunSpec& spec) {
 
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec) {
   if (!spec.evaluation || spec.evaluation->parent_uuid.empty()) return {};
-  return CheckpointFolder(database->RunFolder(spec.evaluation->parent_uuid))
-      .PathOf(spec.evaluation->env_step);
+  const results::RunInfo parent = database->GetRun(spec.evaluation->parent_uuid);
+  return CheckpointFolder(database->RunFolder(parent)).PathOf(spec.evaluation->env_step);
 }
 
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
@@ -238,7 +241,7 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                           ". Give its command again with --replace to start it over, or with "
                           "another --study");
   }
-  return JobFor(database, options, spec, run.run_id, run.uuid);
+  return JobFor(database, options, spec, run);
 }
 
 }  // namespace dreamsearch

@@ -30,11 +30,12 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
                                             "status` lists the trained runs");
   }
   const std::string name = RunName(found);
-  auto loaded = CheckpointFolder(database->RunFolder(found.info.uuid)).LoadNewest();
+  const std::string folder = database->RunFolder(found.info);
+  auto loaded = CheckpointFolder(folder).LoadNewest();
   if (!loaded) {
     throw RunnerError(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
                                                results::RunStatusName(found.info.status) + ") in " +
-                                               database->RunFolder(found.info.uuid));
+                                               folder);
   }
   found.checkpoint = loaded->path;
   found.warnings = loaded->skipped;

@@ -319,7 +319,19 @@ void Database::Prepare(OpenMode mode) {
   db.Execute("PRAGMA journal_size_limit = 67108864");
 }
 
-std::string Database::RunFolder(const std::string& uuid) const { return path() + ".files/" + uuid; }
+std::string Database::NewRunFolder(const std::string& uuid) const {
+  return path() + ".files/" + uuid;
+}
+
+std::string Database::RunFolder(const RunInfo& run) const {
+  const std::filesystem::path recorded =
+      (std::filesystem::path(path()).parent_path() / run.log_path).lexically_normal().parent_path();
+  const std::string beside = NewRunFolder(run.uuid);
+  // The database may have been renamed, and its files with it.
+  const bool moved = !std::filesystem::exists(recorded) && std::filesystem::exists(beside);
+  // A path is data: it names no folder but the run's own.
+  return moved || recorded.filename() != run.uuid ? beside : recorded.string();
+}
 
 std::string Database::RelativePath(const std::string& file) const {
   const std::string folder = std::filesystem::path(path()).parent_path().string() + "/";
@@ -501,7 +513,7 @@ CreatedRun Database::CreateRun(const NewRun& run) {
         .Bind(uuid, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id,
-              RelativePath(RunFolder(uuid) + "/" + run.log_name), run.argv, run.build_id, UtcNow())
+              RelativePath(NewRunFolder(uuid) + "/" + run.log_name), run.argv, run.build_id, UtcNow())
         .Run();
     result = {connection_->LastInsertId(), uuid, true};
   });

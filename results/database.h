@@ -190,8 +190,10 @@ class Database {
   const std::vector<std::string>& warnings() const { return warnings_; }
   Connection& connection() { return *connection_; }
 
-  // "<path>.files/<uuid>": checkpoints, logs and dumps of a run. Not created here.
-  std::string RunFolder(const std::string& uuid) const;
+  // Checkpoints, logs and dumps of a run: the folder of its log. That is
+  // "<path>.files/<uuid>", of a merged run where its first database had it. Not created
+  // here.
+  std::string RunFolder(const RunInfo& run) const;
   // A path below the database's folder as it is stored; others stay as they are.
   std::string RelativePath(const std::string& path) const;
 
@@ -244,6 +246,7 @@ class Database {
 
  private:
   Database(const std::string& path, OpenMode mode);
+  std::string NewRunFolder(const std::string& uuid) const;
   void Prepare(OpenMode mode);
 
   std::unique_ptr<Connection> connection_;

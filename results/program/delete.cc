@@ -71,11 +71,9 @@ int DeleteCommand(const Words& words) {
     if (database->GetRun(run.run_id)) database->DeleteRun(run.run_id);
     if (arguments.Has("files") && IsUuid(run.uuid)) {
       std::error_code error;
-      std::filesystem::remove_all(database->RunFolder(run.uuid), error);
-      if (error) {
-        std::cerr << "warning: " << database->RunFolder(run.uuid) << ": " << error.message()
-                  << "\n";
-      }
+      const std::string folder = database->RunFolder(run);
+      std::filesystem::remove_all(folder, error);
+      if (error) std::cerr << "warning: " << folder << ": " << error.message() << "\n";
     }
   }
   if (!yes) std::cerr << "nothing was deleted; --yes deletes\n";

@@ -79,7 +79,7 @@ int ShowCommand(const Words& words) {
   fact("result digest", run.result_digest);
   fact("command", run.argv);
   fact("log", run.log_path);
-  fact("files", database->RelativePath(database->RunFolder(run.uuid)));
+  fact("files", database->RelativePath(database->RunFolder(run)));
   fact("environment plugin", plugin(run.env_plugin));
   fact("model plugin", plugin(run.model_plugin));
   fact("planner plugin", plugin(run.planner_plugin));

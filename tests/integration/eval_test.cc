@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "program.h"
+#include "results/merge.h"
 
 namespace dreamsearch {
 namespace {
@@ -94,6 +95,38 @@ TEST_F(EvalTest, TheSameCommandAgainPlaysNothing) {
   EXPECT_NE(again.err.find("0 to play, 6 finished"), std::string::npos) << again.err;
   EXPECT_EQ(again.out, result_.out);
   EXPECT_EQ(Value("select group_concat(ended_utc) from run"), before);
+}
+
+TEST_F(EvalTest, WorksOnAMergedDatabase) {
+  ASSERT_EQ(place_->Runner({"eval", "--env", "pendulum_swingup", "--planner", "dreamer",
+                            "--episodes", "1", "--db", "other.db"})
+                .exit_status,
+            0);
+  {
+    const auto all = results::Database::OpenOrCreate(place_->Path("far/all.db"));
+    results::Merge(all.get(), place_->Path("other.db"));
+    results::Merge(all.get(), place_->Path("e.db"));
+  }
+  const std::string trained = place_->Value(
+      "far/all.db", "select run_id from run where parent_run_id is null and planner = 'mcts_pw'");
+  EXPECT_NE(trained, "1");
+  const ProgramResult played = place_->Runner({"eval", trained, "--planner", "rollout",
+                                               "--episodes", "1", "--db", "far/all.db"});
+  EXPECT_EQ(played.exit_status, 0) << played.err;
+  const std::vector<std::string> save = {"export", trained, "--db", "far/all.db", "--out", "far/w"};
+  EXPECT_EQ(place_->Runner(save).exit_status, 0);
+  const ProgramResult repeated = place_->Runner(
+      {"verify",
+       place_->Value("far/all.db", "select run_id from run where planner = 'random' limit 1"),
+       "--db", "far/all.db"});
+  EXPECT_EQ(repeated.exit_status, 0) << repeated.err;
+
+  const std::filesystem::path files = place_->Path("e.db.files"), away = place_->Path("away");
+  std::filesystem::rename(files, away);
+  const ProgramResult gone = place_->Runner(save);
+  std::filesystem::rename(away, files);
+  EXPECT_EQ(gone.exit_status, 66) << gone.err;
+  EXPECT_NE(gone.err.find(files.string()), std::string::npos) << gone.err;
 }
 
 TEST_F(EvalTest, NeedsNoTrainingOnTheOracle) {

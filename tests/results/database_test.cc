@@ -306,7 +306,7 @@ TEST(Database, ARunIsFoundByItsKeyAndMadeOnce) {
   EXPECT_EQ(found.run_id, first.run_id);
   EXPECT_EQ(found.status, RunStatus::kQueued);
   EXPECT_EQ(found.log_path, "r.db.files/" + first.uuid + "/run.log");
-  EXPECT_EQ(db->RunFolder(first.uuid), (folder / "r.db.files/") + first.uuid);
+  EXPECT_EQ(db->RunFolder(found), (folder / "r.db.files/") + first.uuid);
   key.seed = 1;
   EXPECT_FALSE(db->FindRun(key));
   // A trained run's evaluation may have all else in common with it.
@@ -438,7 +438,7 @@ TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
     writer.AddScalar(2, writer.Metric("m"), 1);
     writer.AddTimeUse(2, "other", 1);
     writer.AddEvent(2, "info", "x", "");
-    writer.AddArtifact(db->RunFolder("u") + "/ckpt", "checkpoint", 2, 10, "00");
+    writer.AddArtifact(db->RunFolder(*db->GetRun(run)) + "/ckpt", "checkpoint", 2, 10, "00");
     writer.Commit();
   }
   db->DeleteRun(doomed);

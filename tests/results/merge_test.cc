@@ -30,7 +30,7 @@ void Record(Database* db, const RunSettings& settings, std::int64_t episodes,
     writer.AddScalar(e * 10 + 10, metric, 0.5);
     writer.AddTimeUse(e * 10 + 10, "learning", static_cast<double>(e));
   }
-  writer.AddArtifact(db->RunFolder("u") + "/ckpt", "checkpoint", 10, 1, "00");
+  writer.AddArtifact(db->RunFolder(*db->GetRun(run)) + "/ckpt", "checkpoint", 10, 1, "00");
   writer.AddEvent(1, "info", "start", "of seed " + std::to_string(settings.seed));
   writer.SetProgress(episodes * 10);
   writer.Finish();
@@ -148,6 +148,29 @@ TEST_F(MergeTest, EvaluationsFollowTheRunTheyAreOf) {
                 "SELECT p.uuid FROM run r JOIN run p ON p.run_id = r.parent_run_id"),
             a->GetRun(2)->uuid);
   EXPECT_EQ(Merge(target.get(), folder_ / "a.db").kept, 3);
+}
+
+TEST_F(MergeTest, FilesAreFoundWhereTheirSourceHasThem) {
+  std::filesystem::create_directory(folder_ / "sub");
+  Record(Open("a.db").get(), {.seed = 0}, 1);
+  Record(Open("sub/b.db").get(), {.seed = 1}, 1);
+  std::filesystem::create_directory(folder_ / "far");
+  MergeAll("far/t.db", {"a.db", "sub/b.db"});
+  const auto a = Open("a.db"), b = Open("sub/b.db"), t = Open("far/t.db");
+  for (Database* source : {a.get(), b.get()}) {
+    const RunInfo run = *source->GetRun(1);
+    EXPECT_EQ(source->RunFolder(run), source->path() + ".files/" + run.uuid);
+    EXPECT_EQ(t->RunFolder(t->GetRun(run.uuid)), source->RunFolder(run));
+  }
+  // Renamed together with its files, a database still has them.
+  const RunInfo run = *a->GetRun(1);
+  std::filesystem::create_directories(folder_ / ("c.db.files/" + run.uuid));
+  std::filesystem::copy(folder_ / "a.db", folder_ / "c.db");
+  EXPECT_EQ(Open("c.db")->RunFolder(run), folder_ / ("c.db.files/" + run.uuid));
+  // A path that is not the run's own folder is never followed.
+  RunInfo strange = run;
+  strange.log_path = "../run.log";
+  EXPECT_EQ(a->RunFolder(strange), a->RunFolder(run));
 }
 
 TEST_F(MergeTest, ATaskWithOtherFiguresIsRefused) {
