@@ -279,14 +279,7 @@ void Database::Prepare(OpenMode mode) {
   // commits.
   db.Execute("PRAGMA synchronous = FULL");
   if (create || version() < SchemaVersion()) {
-    db.Transact([&] {
-      // Another process may have been faster.
-      for (std::int64_t v = version(); v < SchemaVersion(); ++v) {
-        db.Execute(Migrations()[static_cast<std::size_t>(v)]);
-        db.Execute("PRAGMA user_version = " + std::to_string(v + 1));
-      }
-      db.Execute("PRAGMA application_id = " + std::to_string(kApplicationId));
-    });
+    db.Transact([this] { Migrate(); });
   }
 
   const bool network = IsNetworkFileSystem(path());
@@ -317,6 +310,39 @@ void Database::Prepare(OpenMode mode) {
     if (code != SQLITE_OK) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   db.Execute("PRAGMA journal_size_limit = 67108864");
+}
+
+void Database::Migrate() {
+  Connection& db = *connection_;
+  const std::int64_t version = db.QueryInt("PRAGMA user_version").value_or(0);
+  if (version >= SchemaVersion()) return;  // Another process was faster.
+  if (version > 0) {
+    // Between two runs of a sweep none is running, but others are queued.
+    Statement active = db.Prepare(
+        "SELECT run_id, age FROM (SELECT run_id, status, (julianday('now') -"
+        " julianday(heartbeat_utc)) * 86400.0 AS age FROM run) WHERE age < ?1 AND"
+        " (status = 'running' OR EXISTS (SELECT 1 FROM run WHERE status = 'queued'))"
+        " ORDER BY age LIMIT 1");
+    if (active.Bind(kAliveSeconds).Step()) {
+      char age[32];
+      std::snprintf(age, sizeof age, "%.0f", std::max(active.Real(1), 0.0));
+      throw Error(kExitInputOutput,
+                  path() + ": has the older schema " + std::to_string(version) + ", expected " +
+                      std::to_string(SchemaVersion()) + ", and run " +
+                      std::to_string(active.Int(0)) + " was active " + age +
+                      " s ago: the program that runs it would not know the newer schema. Wait "
+                      "until it and what is queued behind it have ended; or use the older "
+                      "program; or read a copy (sqlite3 FILE \".backup COPY\"), which opens a "
+                      "minute after it was made.");
+    }
+  }
+  db.Execute(DropViews());
+  for (std::int64_t v = version; v < SchemaVersion(); ++v) {
+    db.Execute(Migrations()[static_cast<std::size_t>(v)]);
+  }
+  db.Execute(CreateViews());
+  db.Execute("PRAGMA user_version = " + std::to_string(SchemaVersion()) +
+             "; PRAGMA application_id = " + std::to_string(kApplicationId));
 }
 
 std::string Database::NewRunFolder(const std::string& uuid) const {

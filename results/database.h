@@ -4,7 +4,10 @@
 // Errors   every call throws results::Error, which carries an exit code: 65 not
 //          our database, damaged, or of a newer schema; 66 no such file; 73 cannot
 //          be created; 74 disk full, input/output error, locked for 30 s, deleted
-//          while open; 77 permission. A failed call has stored nothing.
+//          while open, or of an older schema with a run still active; 77 permission.
+//          A failed call has stored nothing.
+// Schema   whoever opens an older file brings it up to date, but never while a run
+//          of it is active: its program would not know the file any more.
 // Writers  any number of processes may hold one file open; each change is one
 //          short BEGIN IMMEDIATE transaction that waits its turn.
 // Threads  one thread uses a Database; it is not carried over fork().
@@ -154,11 +157,18 @@ struct WorkerInfo {
   std::int64_t after_segment = -1;  // the run's last_segment when the worker was started
 };
 
+// A worker shows a heartbeat every second. One that has shown none for so long is
+// taken for gone.
+inline constexpr double kAliveSeconds = 60;
+inline bool IsActive(const RunInfo& run) {
+  return run.status == RunStatus::kRunning && run.heartbeat_age_seconds < kAliveSeconds;
+}
+
 // An episode as far as figures about it need it; times in microseconds a decision.
 struct EpisodeInfo {
   int phase = 0;  // as the column
   std::int64_t episode = 0;
-  std::int64_t length = 0;           // environment steps
+  std::int64_t length = 0;               // environment steps
   std::optional<double> episode_return;  // nullopt: was not finite
   double plan_us_mean = 0;
   std::int64_t model_transitions = 0;
@@ -176,14 +186,13 @@ struct RunFilter {
 
 class Database {
  public:
-  // Opens the file, or makes it and its folders; brings an older schema up to
-  // date. On a network file system, where WAL does not work, it uses a rollback
-  // journal and says so in warnings().
+  // Opens the file, or makes it and its folders. On a network file system, where WAL does not work,
+  // it uses a rollback journal and says so in warnings().
   static std::unique_ptr<Database> OpenOrCreate(const std::string& path);
   // Opens an existing file for changes; Error 66 when there is none.
   static std::unique_ptr<Database> OpenExisting(const std::string& path);
-  // Opens an existing file and changes nothing in it, but for an older schema, which
-  // is brought up to date if the file is writable.
+  // Opens an existing file and changes nothing in it but an older schema. Error 77 for
+  // an older schema in a file that may not be written.
   static std::unique_ptr<Database> OpenReadOnly(const std::string& path);
 
   const std::string& path() const { return connection_->path(); }  // absolute
@@ -248,6 +257,7 @@ class Database {
   Database(const std::string& path, OpenMode mode);
   std::string NewRunFolder(const std::string& uuid) const;
   void Prepare(OpenMode mode);
+  void Migrate();
 
   std::unique_ptr<Connection> connection_;
   std::vector<std::string> warnings_;

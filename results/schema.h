@@ -14,9 +14,13 @@ inline constexpr std::int64_t kApplicationId = 0x44524d53;  // "DRMS"
 // ((k - 1) kBinSteps, k kBinSteps].
 inline constexpr std::int64_t kBinSteps = 10000;
 
-// migrations()[i] brings user_version i to i + 1; a new file runs all of them.
-// Forward only: a released migration is never edited.
+// Migrations()[i] brings the tables and triggers of user_version i to those of i + 1;
+// a new file runs all of them. Forward only: a released migration is never edited.
+// The views are of the newest schema alone: dropped before the migrations and made
+// after them. A change of a view is therefore a migration that does nothing.
 const std::vector<std::string>& Migrations();
+const std::string& DropViews();
+const std::string& CreateViews();
 
 // The newest schema, that is Migrations().size().
 std::int64_t SchemaVersion();

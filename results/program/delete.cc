@@ -8,9 +8,6 @@
 namespace dreamsearch::results {
 namespace {
 
-// A worker shows a heartbeat every second.
-constexpr double kAliveSeconds = 60;
-
 bool IsUuid(const std::string& text) {
   return text.size() == 36 && text.find_first_not_of("0123456789abcdef-") == std::string::npos;
 }
@@ -55,7 +52,7 @@ int DeleteCommand(const Words& words) {
     }
   }
   for (const RunInfo& run : runs) {
-    if (run.status == RunStatus::kRunning && run.heartbeat_age_seconds < kAliveSeconds) {
+    if (IsActive(run)) {
       throw Error(kExitUsage, database->path() + ": run " + std::to_string(run.run_id) +
                                   " is running; stop it first. Nothing was deleted.");
     }

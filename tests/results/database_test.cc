@@ -186,6 +186,8 @@ TEST(Database, OlderSchemasAreBroughtUpToDate) {
       for (std::int64_t v = 0; v < version; ++v) {
         old.Execute(Migrations()[static_cast<std::size_t>(v)]);
       }
+      // A view of its time, and one that somebody made.
+      old.Execute("CREATE VIEW v_final AS SELECT 'old' AS study; CREATE VIEW mine AS SELECT 7");
       old.Execute("PRAGMA application_id = " + std::to_string(kApplicationId) +
                   "; PRAGMA user_version = " + std::to_string(version) +
                   "; INSERT INTO study VALUES (1, 'kept', '', 'then');"
@@ -201,10 +203,49 @@ TEST(Database, OlderSchemasAreBroughtUpToDate) {
     EXPECT_EQ(Count(reader.get(), "PRAGMA user_version"), SchemaVersion());
     EXPECT_EQ(reader->GetRun(1)->study, "kept");
     EXPECT_EQ(Count(reader.get(), "SELECT n_rows FROM chunk_digest"), 3);
+    EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_final"), 0);
+    EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_run"), 1);
+    EXPECT_EQ(Count(reader.get(), "SELECT * FROM mine"), 7);
     const auto writer = Database::OpenOrCreate(path);
     EXPECT_NO_THROW(writer->SetRunStatus(1, RunStatus::kFailed, 70));
     EXPECT_EQ(writer->connection().QueryText("PRAGMA integrity_check"), "ok");
   }
+}
+
+// The older program that runs it would find a schema it does not know.
+TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "old.db";
+  {
+    const auto db = Database::OpenOrCreate(path);
+    MakeRun(db.get(), {.seed = 0});
+    MakeRun(db.get(), {.seed = 1});
+    db->connection().Execute("PRAGMA user_version = " + std::to_string(SchemaVersion() - 1));
+  }
+  const auto beat = [&](const std::string& status, double seconds_ago) {
+    Connection old(path, OpenMode::kReadWrite);
+    old.Prepare(
+           "UPDATE run SET status = ?1, heartbeat_utc = strftime('%Y-%m-%dT%H:%M:%fZ', 'now',"
+           " '-' || ?2 || ' seconds') WHERE run_id = 1")
+        .Bind(status, seconds_ago)
+        .Run();
+  };
+  const auto refused = [&](const std::string& names) {
+    for (const auto& open :
+         {Database::OpenReadOnly, Database::OpenExisting, Database::OpenOrCreate}) {
+      EXPECT_EQ(ExitCodeOf([&] { open(path); }, names), kExitInputOutput);
+    }
+    Connection old(path, OpenMode::kReadWrite);
+    EXPECT_EQ(old.QueryInt("PRAGMA user_version"), SchemaVersion() - 1);
+  };
+  beat("running", 5);
+  refused("run 1 was active 5 s ago");
+  // Ended just now; the next of the sweep is about to start.
+  beat("finished", 5);
+  refused("run 1 was active");
+  // Its process is gone.
+  beat("running", 2 * kAliveSeconds);
+  EXPECT_EQ(Count(Database::OpenReadOnly(path).get(), "PRAGMA user_version"), SchemaVersion());
 }
 
 TEST(Database, AnEmptyFileBecomesADatabaseOnlyWhenAskedTo) {
