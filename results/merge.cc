@@ -50,7 +50,11 @@ class Merger {
     db_.Execute(
         "CREATE TEMP TABLE IF NOT EXISTS metric_map (old INTEGER PRIMARY KEY, new INTEGER)");
     MapMetrics();
-    for (const RunInfo& run : runs) db_.Transact([&] { MergeRun(run); });
+    for (RunInfo& run : runs) {
+      db_.Transact([&] {
+        if (ReadAgain(&run)) MergeRun(run);
+      });
+    }
     db_.Transact([this] { MergePublished(); });
     return result_;
   }
@@ -65,6 +69,24 @@ class Merger {
           "INSERT INTO temp.metric_map SELECT s.metric_id, m.metric_id FROM source.metric s"
           " JOIN main.metric m USING (name, unit)");
     });
+  }
+
+  // The run may have gone on, or have ended, since it was listed. All of it that is
+  // copied is read in the transaction, which sees the source at one moment. False for
+  // a run that was deleted.
+  bool ReadAgain(RunInfo* run) {
+    Statement row = db_.Prepare(
+        "SELECT env_steps_done, status, exit_code, error, ended_utc, heartbeat_utc, result_digest"
+        " FROM source.run WHERE run_id = ?1 AND uuid = ?2");
+    if (!row.Bind(run->run_id, run->uuid).Step()) return false;
+    run->env_steps_done = row.Int(0);
+    run->status = ParseRunStatus(row.Text(1));
+    run->exit_code = row.OptionalInt(2);
+    run->error = row.Text(3);
+    run->ended_utc = row.Text(4);
+    run->heartbeat_utc = row.Text(5);
+    run->result_digest = row.Text(6);
+    return true;
   }
 
   // Which of two records of one experiment stays: the greater.
@@ -189,10 +211,10 @@ class Merger {
   }
 
   void CopyRows(std::int64_t from, std::int64_t to) {
-    Statement segments = source_->connection().Prepare(
-        "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, s.build_id FROM "
-        "segment"
-        " s JOIN host h USING (host_id) WHERE s.run_id = ?1 ORDER BY s.segment");
+    Statement segments = db_.Prepare(
+        "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, s.build_id FROM"
+        " source.segment s JOIN source.host h USING (host_id) WHERE s.run_id = ?1"
+        " ORDER BY s.segment");
     Statement copy_segment = db_.Prepare(
         "INSERT INTO main.segment (run_id, segment, host_id, build_id, instruction_set, pid,"
         " from_env_step, to_env_step, started_utc, ended_utc, end_reason, rows_rolled_back,"
@@ -248,10 +270,20 @@ class Merger {
   }
 
   void MergePublished() {
+    // Of two rows of one key the lesser stays, whole, so that the order of merging
+    // does not matter; what is not known comes last.
+    const auto order = [](const std::string& row) {
+      std::string terms;
+      for (const char* column : {"episode_return", "n_seeds", "seed_sd"}) {
+        terms += (terms.empty() ? "(" : ", ") + ("ifnull(" + row) + "." + column + ", 9e999)";
+      }
+      return terms + ")";
+    };
     db_.Execute(
         "INSERT INTO main.published SELECT * FROM source.published WHERE true"
-        " ON CONFLICT DO UPDATE SET"
-        " episode_return = min(episode_return, excluded.episode_return)");
+        " ON CONFLICT DO UPDATE SET episode_return = excluded.episode_return,"
+        " n_seeds = excluded.n_seeds, seed_sd = excluded.seed_sd WHERE " +
+        order("excluded") + " < " + order("published"));
   }
 
   Database* target_;

@@ -22,7 +22,9 @@ struct MergeResult {
 // unfinished, then by environment steps, then by heartbeat. Two runs of one key
 // but different UUIDs are the same experiment done twice: one of them stays, by
 // the same order and then the smaller UUID, so the outcome does not depend on the
-// order of merging. Files stay where they are; their paths become absolute.
+// order of merging. A run that goes on meanwhile is copied as it is at one moment. Of
+// two published points of one key the lesser stays, with all that is said of it. Files stay where
+// they are; their paths become absolute.
 //   Error 65  a task has other figures in the two databases.
 MergeResult Merge(Database* target, const std::string& source);
 

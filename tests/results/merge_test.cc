@@ -1,11 +1,14 @@
 #include "results/merge.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "recording.h"
+#include "results/published.h"
 #include "results/verification.h"
 
 namespace dreamsearch::results {
@@ -182,6 +185,59 @@ TEST_F(MergeTest, ATaskWithOtherFiguresIsRefused) {
   Record(b.get(), {.seed = 1}, 1);
   EXPECT_THROW(Merge(b.get(), folder_ / "a.db"), Error);
   EXPECT_EQ(Count(b.get(), "SELECT count(*) FROM run"), 1);
+}
+
+TEST_F(MergeTest, APublishedPointStaysWholeWhicheverComesFirst) {
+  const auto publish = [&](const std::string& name, std::optional<double> episode_return,
+                           std::optional<std::int64_t> seeds, std::optional<double> sd) {
+    PublishedPoint point = {.source = "s", .method = "m", .obs = "state", .task = "t"};
+    point.episode_return = episode_return.value_or(std::nan(""));
+    point.n_seeds = seeds;
+    point.seed_sd = sd;
+    StorePublished(Open(name).get(), {point});
+  };
+  publish("a.db", 5, 3, 1.5);
+  publish("b.db", 5, 3, 1.25);
+  publish("c.db", 7, 10, 2.0);
+  publish("d.db", std::nullopt, 1, std::nullopt);
+  publish("e.db", 5, std::nullopt, 0.5);
+  for (const auto& order : std::vector<std::vector<std::string>>{
+           {"a.db", "b.db", "c.db", "d.db", "e.db"}, {"e.db", "d.db", "c.db", "b.db", "a.db"}}) {
+    MergeAll(order[0] + "t", order);
+    const auto merged = Open(order[0] + "t");
+    Statement row = merged->connection().Prepare(
+        "SELECT count(*), max(episode_return), n_seeds, seed_sd FROM published");
+    ASSERT_TRUE(row.Step());
+    EXPECT_EQ(row.Int(0), 1);
+    EXPECT_EQ(row.Real(1), 5);
+    EXPECT_EQ(row.Int(2), 3);
+    EXPECT_EQ(row.Real(3), 1.25);
+  }
+}
+
+// The runs are listed first and copied one by one.
+TEST_F(MergeTest, ARunThatEndsMeanwhileIsCopiedAsItEnded) {
+  const auto a = Open("a.db");
+  const std::int64_t run = MakeRun(a.get());
+  RunWriter writer(a.get(), run);
+  writer.BeginSegment(MakeSegment(a.get()));
+  writer.AddEpisode({.env_step = 10, .episode_return = 1});
+  writer.Commit();
+  const auto target = Open("t.db");
+  // At the first commit, of the metrics, before any run is copied.
+  const auto end = [](void* source) {
+    auto* db = static_cast<Database*>(source);
+    if (db->GetRun(1)->status == RunStatus::kRunning) {
+      db->SetRunStatus(1, RunStatus::kFailed, 70, "it ended");
+    }
+    return 0;
+  };
+  sqlite3_commit_hook(target->connection().handle(), end, a.get());
+  EXPECT_EQ(Merge(target.get(), folder_ / "a.db").added, 1);
+  sqlite3_commit_hook(target->connection().handle(), nullptr, nullptr);
+  EXPECT_EQ(target->GetRun(1)->status, RunStatus::kFailed);
+  EXPECT_EQ(target->GetRun(1)->error, "it ended");
+  EXPECT_TRUE(Verify(target.get(), {}).empty());
 }
 
 TEST_F(MergeTest, ADatabaseIsNotMergedIntoItself) {
