@@ -29,26 +29,12 @@ std::string RunsText(const Contender& contender) {
   return "n = " + std::to_string(least) + (least == most ? "" : " to " + std::to_string(most));
 }
 
-// The labels in the order of the planners.
-std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
-  std::vector<std::pair<std::string, std::string>> labels;  // planner, label
-  for (const RunGroup& group : groups) {
-    const std::pair item(group.planner, group.label);
-    if (std::find(labels.begin(), labels.end(), item) == labels.end()) labels.push_back(item);
-  }
-  std::stable_sort(labels.begin(), labels.end(), [](const auto& a, const auto& b) {
-    return a.first != b.first ? PlannerBefore(a.first, b.first) : a.second < b.second;
-  });
-  std::vector<std::string> ordered;
-  for (const auto& [planner, label] : labels) ordered.push_back(label);
-  return ordered;
-}
-
 }  // namespace
 
 Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
                    const ComparisonRequest& request) {
   const std::vector<RunGroup> groups = GroupRuns(databases, request.filter, request.phase);
+  if (groups.empty()) throw Error(kExitNoInput, NothingToGroup(databases, request.filter));
   Comparison comparison;
   std::map<std::string, std::map<std::string, std::vector<double>>> scores;  // label, task
   std::set<std::string> all_tasks;

@@ -19,37 +19,36 @@ std::size_t PaperRank(const std::string& planner) {
                                   kPaperOrder.begin());
 }
 
-bool HasEpisodes(Connection& db, std::int64_t run_id, int phase) {
-  Statement found = db.Prepare("SELECT 1 FROM episode WHERE run_id = ?1 AND phase = ?2 LIMIT 1");
-  return found.Bind(run_id, phase).Step();
+bool IsEvaluation(const RunInfo& run) {
+  return run.parent_run_id.has_value() || run.env_steps_target <= 0;
 }
 
-// "k=5" for the settings in which a configuration differs from some other one of
-// the same planner and task.
-std::map<std::string, std::string> ConfigLabels(const std::map<std::string, std::string>& configs) {
-  std::map<std::string, std::string> labels;
-  if (configs.size() < 2) return labels;
-  std::map<std::string, std::set<std::string>> values;
-  std::map<std::string, nlohmann::json> flat;
-  for (const auto& [id, json] : configs) {
-    const nlohmann::json parsed = nlohmann::json::parse(json, nullptr, false);
-    flat[id] = parsed.is_structured() ? parsed.flatten() : nlohmann::json::object();
-    for (const auto& [key, value] : flat[id].items()) values[key].insert(value.dump());
-  }
-  for (const auto& [id, settings] : flat) {
-    std::string label;
-    for (const auto& [key, seen] : values) {
-      const bool everywhere =
-          std::all_of(flat.begin(), flat.end(),
-                      [&key = key](const auto& other) { return other.second.contains(key); });
-      if ((seen.size() < 2 && everywhere) || !settings.contains(key)) continue;
-      std::string name = key.substr(1);
-      std::replace(name.begin(), name.end(), '/', '.');
-      label += (label.empty() ? "" : " ") + name + "=" + settings[key].dump();
+using Settings = std::map<std::string, nlohmann::json>;  // flat, by the configuration's digest
+
+// The settings in which some of these configurations differ.
+void AddDifferences(const Settings& settings, const std::set<std::string>& configs,
+                    std::set<std::string>* keys) {
+  std::map<std::string, std::pair<std::size_t, std::set<std::string>>> seen;  // how often, values
+  for (const std::string& config : configs) {
+    for (const auto& [key, value] : settings.at(config).items()) {
+      ++seen[key].first;
+      seen[key].second.insert(value.dump());
     }
-    labels[id] = label.empty() ? "config " + id.substr(0, 8) : label;
   }
-  return labels;
+  for (const auto& [key, found] : seen) {
+    if (found.first < configs.size() || found.second.size() > 1) keys->insert(key);
+  }
+}
+
+std::string SettingLabel(const nlohmann::json& settings, const std::set<std::string>& keys) {
+  std::string label;
+  for (const std::string& key : keys) {
+    if (!settings.contains(key)) continue;
+    std::string name = key.substr(1);
+    std::replace(name.begin(), name.end(), '/', '.');
+    label += (label.empty() ? "" : " ") + name + "=" + settings[key].dump();
+  }
+  return label;
 }
 
 }  // namespace
@@ -68,6 +67,91 @@ bool PlannerBefore(const std::string& a, const std::string& b) {
   return std::pair(PaperRank(a), a) < std::pair(PaperRank(b), b);
 }
 
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) {
+  // Configurations are told apart by content, so that databases agree on them.
+  using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluation
+  std::map<Kind, std::map<std::string, std::set<std::string>>> kinds;  // configurations by task
+  Settings settings;
+  for (const RunInfo* run : runs) {
+    kinds[{run->planner, IsEvaluation(*run)}][run->task].insert(run->config_sha256);
+    nlohmann::json& flat = settings[run->config_sha256];
+    if (!flat.is_null()) continue;
+    const nlohmann::json parsed = nlohmann::json::parse(run->config_json, nullptr, false);
+    flat = parsed.is_structured() ? parsed.flatten() : nlohmann::json::object();
+  }
+
+  // One choice of keys for all tasks, so that one more setting tried on one of them
+  // renames the planner's runs on all.
+  std::map<Kind, std::map<std::string, std::string>> labels;  // by configuration
+  for (const auto& [kind, tasks] : kinds) {
+    std::set<std::string> keys;
+    for (const auto& [task, configs] : tasks) AddDifferences(settings, configs, &keys);
+    std::set<std::string> alike;
+    for (const auto& [task, configs] : tasks) {
+      std::map<std::string, std::string> owners;
+      for (const std::string& config : configs) {
+        const std::string label = SettingLabel(settings[config], keys);
+        labels[kind][config] = label;
+        const auto [owner, first] = owners.emplace(label, config);
+        if (!first) alike.insert({owner->second, config});
+      }
+    }
+    // Settings that cannot be read.
+    for (const std::string& config : alike) {
+      std::string& label = labels[kind][config];
+      label += (label.empty() ? "config " : " config ") + config.substr(0, 8);
+    }
+  }
+  std::vector<std::string> texts;
+  for (const RunInfo* run : runs) {
+    texts.push_back(labels[{run->planner, IsEvaluation(*run)}][run->config_sha256]);
+  }
+  return texts;
+}
+
+int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase) {
+  switch (phase) {
+    case CurvePhase::kTraining:
+      return 0;
+    case CurvePhase::kSearchEvaluation:
+      return 1;
+    case CurvePhase::kActorEvaluation:
+      return 2;
+    case CurvePhase::kEvaluation:
+      break;
+  }
+  Statement found = db.Prepare("SELECT 1 FROM episode WHERE run_id = ?1 AND phase = 1 LIMIT 1");
+  return found.Bind(run_id).Step() ? 1 : 2;
+}
+
+std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
+                           const RunFilter& filter) {
+  std::int64_t evaluations = 0;
+  for (const auto& database : databases) {
+    evaluations += static_cast<std::int64_t>(database->ListRuns(filter).size());
+  }
+  const std::string path = databases.front()->path();
+  if (evaluations == 0) return path + ": holds no runs of that kind. See `results list`.";
+  return path + ": holds no trained runs of that kind, of which there are curves and scores, but " +
+         Grouped(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
+         ". `results list` and `results show RUN` show their returns, `results export --rows "
+         "episodes` gives them.";
+}
+
+std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
+  std::vector<std::pair<std::string, std::string>> labels;  // planner, label
+  for (const RunGroup& group : groups) {
+    const std::pair item(group.planner, group.label);
+    if (std::find(labels.begin(), labels.end(), item) == labels.end()) labels.push_back(item);
+  }
+  std::stable_sort(labels.begin(), labels.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? PlannerBefore(a.first, b.first) : a.second < b.second;
+  });
+  std::vector<std::string> ordered;
+  for (const auto& [planner, label] : labels) ordered.push_back(label);
+  return ordered;
+}
+
 std::string Unfinished(const RunInfo& run) {
   if (run.status == RunStatus::kFinished) return "";
   return "seed " + std::to_string(run.seed) + " " + RunStatusName(run.status) + " at " +
@@ -78,7 +162,7 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
                                 const RunFilter& filter, CurvePhase phase) {
   std::vector<GroupedRun> all;
   std::set<std::string> uuids, studies, models;
-  std::set<std::int64_t> repeats;
+  std::map<std::pair<std::string, std::string>, std::set<std::int64_t>> repeats;  // of a task
   RunFilter mains = filter;
   mains.with_evaluations = false;
   for (const auto& database : databases) {
@@ -86,33 +170,31 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
       if (!uuids.insert(run.uuid).second) continue;
       studies.insert(run.study);
       models.insert(run.model);
-      repeats.insert(run.action_repeat);
+      repeats[{run.planner, run.task}].insert(run.action_repeat);
       all.push_back({std::move(run), database.get()});
     }
   }
-
-  // Configurations are told apart by content, so that databases agree on them.
-  std::map<std::pair<std::string, std::string>, std::map<std::string, std::string>> configs;
-  for (const GroupedRun& item : all) {
-    configs[{item.run.task, item.run.planner}][item.run.config_sha256] = item.run.config_json;
+  std::set<std::string> repeats_differ;  // planners
+  for (const auto& [planner_task, seen] : repeats) {
+    if (seen.size() > 1) repeats_differ.insert(planner_task.first);
   }
-  std::map<std::pair<std::string, std::string>, std::map<std::string, std::string>> config_labels;
-  for (const auto& [key, by_sha] : configs) config_labels[key] = ConfigLabels(by_sha);
+  std::vector<const RunInfo*> runs;
+  for (const GroupedRun& item : all) runs.push_back(&item.run);
+  const std::vector<std::string> settings = SettingLabels(runs);
 
   std::map<std::tuple<std::string, std::size_t, std::string, std::string>, RunGroup> groups;
-  for (GroupedRun& item : all) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    GroupedRun& item = all[i];
     const RunInfo& run = item.run;
     Connection& db = item.database->connection();
-    if (phase == CurvePhase::kSearchEvaluation) item.phase = 1;
-    if (phase == CurvePhase::kActorEvaluation) item.phase = 2;
-    if (phase == CurvePhase::kEvaluation) item.phase = HasEpisodes(db, run.run_id, 1) ? 1 : 2;
+    item.phase = PhaseOf(db, run.run_id, phase);
 
     std::string label = run.planner;
     if (models.size() > 1) label += " on " + run.model;
-    if (repeats.size() > 1) label += " repeat=" + std::to_string(run.action_repeat);
-    const auto& labels = config_labels[{run.task, run.planner}];
-    const auto own = labels.find(run.config_sha256);
-    if (own != labels.end()) label += " " + own->second;
+    if (repeats_differ.count(run.planner) > 0) {
+      label += " repeat=" + std::to_string(run.action_repeat);
+    }
+    if (!settings[i].empty()) label += " " + settings[i];
     if (studies.size() > 1) label += " (" + run.study + ")";
 
     RunGroup& group = groups[{run.task, PaperRank(run.planner), run.planner, label}];

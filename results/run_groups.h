@@ -24,8 +24,9 @@ struct GroupedRun {
 struct RunGroup {
   std::string task;
   std::string planner;
-  // "mcts_pw", with the model, action repeat, settings or study where others of
-  // the same planner differ in them. Equal over tasks for equal experiments.
+  // "mcts_pw", with the model and study where others have other ones, and with the
+  // action repeat and the settings in which runs of the planner differ on some task.
+  // Equal over tasks for equal experiments.
   std::string label;
   std::optional<double> return_low, return_high;
   std::vector<GroupedRun> runs;  // by seed
@@ -36,6 +37,21 @@ struct RunGroup {
 // its UUID.
 std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                 const RunFilter& filter, CurvePhase phase);
+
+// The labels of the groups, each once, in the order of the planners.
+std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups);
+
+// What tells runs of a planner apart, for each of these runs: "k=5 depth=3", the
+// settings in which the planner's runs differ on some task and which this run has.
+// Empty where none do. Evaluations are told from each other, not from trained runs.
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs);
+
+// Which `episode.phase` a request comes to for this run.
+int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase);
+
+// Why there is no group: an empty choice, or evaluations alone, and where those show.
+std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
+                           const RunFilter& filter);
 
 // The order in which planners are listed and coloured: the paper's four first.
 bool PlannerBefore(const std::string& a, const std::string& b);

@@ -91,6 +91,47 @@ TEST_F(CurvesTest, OtherSettingsAreOtherLinesNamedByTheDifference) {
   EXPECT_EQ(lines[1].label, "mcts_pw mcts_pw.depth=4");
 }
 
+// An ablation tried on one task only must not make the others incomparable.
+TEST_F(CurvesTest, ASettingTriedOnOneTaskNamesTheRunsOfAllTasks) {
+  const std::string plain = R"({"mcts_pw":{"depth":3},"steps":5})";
+  AddRun({.task = "walker_walk", .config = plain}, {{kSearch, 95000, 100}});
+  AddRun({.task = "walker_walk", .config = R"({"mcts_pw":{"depth":4},"steps":5})"},
+         {{kSearch, 95000, 100}});
+  // Budgets differ between the tasks, but on none of them.
+  AddRun({.task = "cup_catch", .config = R"({"mcts_pw":{"depth":3},"steps":7})"},
+         {{kSearch, 95000, 300}});
+  AddRun({.task = "cup_catch", .planner = "rollout", .config = plain}, {{kSearch, 95000, 300}});
+  const std::vector<RunGroup> groups = GroupRuns(databases_, {}, CurvePhase::kEvaluation);
+  EXPECT_EQ(OrderedLabels(groups), (std::vector<std::string>{"rollout", "mcts_pw mcts_pw.depth=3",
+                                                             "mcts_pw mcts_pw.depth=4"}));
+  const Figure figure =
+      CurvesOverTasks(ReadLines(databases_, {.filter = {.planners = {"mcts_pw"}}}), {});
+  ASSERT_EQ(figure.legend.size(), 1u);
+  EXPECT_EQ(figure.legend[0].text, "mcts_pw mcts_pw.depth=3 with search (n = 1)");
+}
+
+TEST_F(CurvesTest, ASettingThatOneRunLacksNamesTheOther) {
+  AddRun({.config = R"({"a":1,"b":2})"}, {{kSearch, 0, 1}});
+  AddRun({.config = R"({"a":1})"}, {{kSearch, 0, 1}});
+  // Nothing to tell these apart by.
+  AddRun({.planner = "rollout", .config = "{"}, {{kSearch, 0, 1}});
+  AddRun({.planner = "rollout", .config = "["}, {{kSearch, 0, 1}});
+  const std::vector<std::string> labels =
+      OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation));
+  ASSERT_EQ(labels.size(), 4u);
+  EXPECT_EQ(labels[0].substr(0, 15), "rollout config ");
+  EXPECT_EQ(labels[1].substr(0, 15), "rollout config ");
+  EXPECT_EQ(labels[2], "mcts_pw");
+  EXPECT_EQ(labels[3], "mcts_pw b=2");
+}
+
+TEST_F(CurvesTest, EvaluationsAloneAreSaidToBeThere) {
+  EXPECT_NE(NothingToGroup(databases_, {}).find("no runs of that kind"), std::string::npos);
+  AddRun({.env_steps_target = 0}, {{kSearch, 0, 1}});
+  EXPECT_TRUE(GroupRuns(databases_, {}, CurvePhase::kEvaluation).empty());
+  EXPECT_NE(NothingToGroup(databases_, {}).find("but 1 evaluation."), std::string::npos);
+}
+
 TEST_F(CurvesTest, SecondsLeaveEvaluationOutAndAreInterpolated) {
   AddRun({}, {{kTrain, 1000, 0}, {kTrain, 2000, 0}, {kSearch, 1500, 3}});
   const Line line = ReadLines(databases_, {.axis = CurveAxis::kSeconds})[0];
