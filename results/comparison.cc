@@ -286,7 +286,7 @@ Figure IntervalFigure(const Comparison& comparison) {
   for (const auto& [name, estimate] : kAggregates) {
     Panel panel = {.title = name};
     for (std::size_t i = count; i-- > 0;) {
-      panel.categories.push_back(comparison.contenders[i].label);
+      panel.categories.push_back(ShortLabel(comparison.contenders[i].label));
     }
     for (std::size_t i = 0; i < count; ++i) {
       panel.series.push_back(IntervalAt(comparison.contenders[i].aggregates.*estimate,
@@ -349,7 +349,8 @@ Figure ImprovementFigure(const Comparison& comparison) {
   // newer idea over the older.
   for (std::size_t x = 1; x < count; ++x) {
     for (std::size_t y = 0; y < x; ++y) {
-      pairs.emplace_back(comparison.contenders[x].label + " > " + comparison.contenders[y].label,
+      pairs.emplace_back(ShortLabel(comparison.contenders[x].label) + " > " +
+                             ShortLabel(comparison.contenders[y].label),
                          &comparison.improvement[x][y]);
     }
   }

@@ -274,18 +274,33 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
   return figure;
 }
 
-Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& request) {
-  Figure figure;
-  SetXAxis(lines, request, &figure);
-  figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
-  std::vector<std::string> order;
-  std::map<std::string, int> styles = StylesOf(lines, &order);
+namespace {
+
+// A line of the mean over tasks.
+struct MeanLine {
+  std::string label, phase;
+  int style = 0;
+  std::set<int> counts;           // runs, by task
+  std::string left_out;           // why it has no points
+  std::vector<LinePoint> points;  // over seeds
+};
+
+std::set<std::string> TasksOf(const std::vector<Line>& lines) {
   std::set<std::string> tasks;
   for (const Line& line : lines) tasks.insert(line.task);
+  return tasks;
+}
 
-  Panel panel = {.title = "mean over " + std::to_string(tasks.size()) +
-                          (tasks.size() == 1 ? " task" : " tasks")};
-  for (auto label = order.rbegin(); label != order.rend(); ++label) {
+// In the order of the planners.
+std::vector<MeanLine> MeansOverTasks(const std::vector<Line>& lines, CurvePhase phase) {
+  std::vector<std::string> order;
+  const std::map<std::string, int> styles = StylesOf(lines, &order);
+  const std::set<std::string> tasks = TasksOf(lines);
+  std::vector<MeanLine> means;
+  for (const std::string& label : order) {
+    MeanLine& mean = means.emplace_back();
+    mean.label = label;
+    mean.style = styles.at(label);
     // By env_step: x, and the normalised score of every task and seed.
     struct At {
       double x = 0;
@@ -295,13 +310,12 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
     std::map<std::int64_t, At> at;
     std::set<std::string> own_tasks;
     std::set<std::int64_t> own_seeds;
-    std::set<int> counts;
-    std::string phase, without_range;
+    std::string without_range;
     for (const Line& line : lines) {
-      if (line.label != *label) continue;
+      if (line.label != label) continue;
       own_tasks.insert(line.task);
-      counts.insert(line.n());
-      phase = PhaseName(line, request.phase);
+      mean.counts.insert(line.n());
+      mean.phase = PhaseName(line, phase);
       // Published returns are of the same tasks, in the same range.
       if (!line.published && !(line.return_low && line.return_high)) without_range = line.task;
       const double low = line.return_low.value_or(0), high = line.return_high.value_or(1000);
@@ -316,39 +330,110 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
       }
     }
     if (own_tasks != tasks || !without_range.empty()) {
-      figure.notes.push_back(*label + " is left out: " +
-                             (without_range.empty()
-                                  ? "it has " + std::to_string(own_tasks.size()) + " of the " +
-                                        std::to_string(tasks.size()) + " tasks."
-                                  : "task " + without_range + " has no return range."));
+      mean.left_out =
+          label + " is left out: " +
+          (without_range.empty() ? "it has " + std::to_string(own_tasks.size()) + " of the " +
+                                       std::to_string(tasks.size()) + " tasks."
+                                 : "task " + without_range + " has no return range.");
       continue;
     }
-    const int style = styles[*label];
-    Series mean = {.mark = Series::Mark::kLine, .style = style};
-    Series band = {.mark = Series::Mark::kBand, .style = style};
     for (const auto& [step, here] : at) {
       // Only where every seed has every task: nothing is averaged over fewer.
-      std::vector<double> by_seed;
+      LinePoint point;
       for (const auto& [seed, scores] : here.by_seed) {
         if (scores.size() != tasks.size()) continue;
         double sum = 0;
         for (const auto& [task, score] : scores) sum += score;
-        by_seed.push_back(sum / static_cast<double>(tasks.size()));
+        point.values.push_back(sum / static_cast<double>(tasks.size()));
+        point.mean += point.values.back();
       }
-      if (by_seed.size() != own_seeds.size()) continue;
-      double sum = 0;
-      for (const double score : by_seed) sum += score;
-      mean.x.push_back(here.x / here.points);
-      mean.y.push_back(sum / static_cast<double>(by_seed.size()));
-      if (by_seed.size() < 3) continue;
-      band.x.push_back(mean.x.back());
-      band.lo.push_back(*std::min_element(by_seed.begin(), by_seed.end()));
-      band.hi.push_back(*std::max_element(by_seed.begin(), by_seed.end()));
+      if (point.values.size() != own_seeds.size()) continue;
+      point.env_step = step;
+      point.x = here.x / here.points;
+      point.n = static_cast<int>(point.values.size());
+      point.mean /= point.n;
+      point.lo = *std::min_element(point.values.begin(), point.values.end());
+      point.hi = *std::max_element(point.values.begin(), point.values.end());
+      mean.points.push_back(std::move(point));
+    }
+  }
+  return means;
+}
+
+// The seconds of the runs of one label.
+struct TimeUse {
+  std::string label;
+  std::map<std::string, double> seconds;  // by activity, summed over runs
+  double env_steps = 0;
+  std::int64_t runs = 0;
+
+  double For1000Steps(const std::string& activity) const {
+    const auto found = seconds.find(activity);
+    return found == seconds.end() ? 0 : 1000 * found->second / env_steps;
+  }
+};
+constexpr std::array kActivities = {"environment", "planning",  "learning",
+                                    "evaluation",  "recording", "other"};
+
+// In the order of the planners.
+std::vector<TimeUse> TimeUses(const std::vector<std::unique_ptr<Database>>& databases,
+                              const RunFilter& filter) {
+  const std::vector<RunGroup> groups = GroupRuns(databases, filter, CurvePhase::kEvaluation);
+  std::vector<TimeUse> uses;
+  for (const std::string& label : OrderedLabels(groups)) {
+    TimeUse use;
+    use.label = label;
+    for (const RunGroup& group : groups) {
+      if (group.label != label) continue;
+      for (const GroupedRun& item : group.runs) {
+        Statement rows = item.database->connection().Prepare(
+            "SELECT activity, seconds, env_step FROM time_use WHERE run_id = ?1 AND env_step ="
+            " (SELECT max(env_step) FROM time_use WHERE run_id = ?1)");
+        rows.Bind(item.run.run_id);
+        double env_steps = 0;
+        while (rows.Step()) {
+          use.seconds[rows.Text(0)] += rows.Real(1);
+          env_steps = rows.Real(2);
+        }
+        use.env_steps += env_steps;
+        use.runs += env_steps > 0 ? 1 : 0;
+      }
+    }
+    if (use.env_steps > 0) uses.push_back(std::move(use));
+  }
+  return uses;
+}
+
+}  // namespace
+
+Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& request) {
+  Figure figure;
+  SetXAxis(lines, request, &figure);
+  figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
+  const std::size_t tasks = TasksOf(lines).size();
+  Panel panel = {.title = "mean over " + std::to_string(tasks) + (tasks == 1 ? " task" : " tasks")};
+  const std::vector<MeanLine> means = MeansOverTasks(lines, request.phase);
+  // The paper's planners last, on top.
+  for (auto line = means.rbegin(); line != means.rend(); ++line) {
+    if (!line->left_out.empty()) {
+      figure.notes.push_back(line->left_out);
+      continue;
+    }
+    Series mean = {.mark = Series::Mark::kLine, .style = line->style};
+    Series band = {.mark = Series::Mark::kBand, .style = line->style};
+    for (const LinePoint& point : line->points) {
+      mean.x.push_back(point.x);
+      mean.y.push_back(point.mean);
+      if (point.n < 3) continue;
+      band.x.push_back(point.x);
+      band.lo.push_back(point.lo);
+      band.hi.push_back(point.hi);
     }
     if (!band.x.empty()) panel.series.insert(panel.series.begin(), band);
     panel.series.push_back(mean);
     figure.legend.insert(figure.legend.begin(),
-                         {.text = *label + phase + " (" + Counted(counts) + ")", .style = style});
+                         {.text = line->label + line->phase + " (" + Counted(line->counts) + ")",
+                          .style = line->style});
   }
   figure.panels.push_back(std::move(panel));
   std::string note =
@@ -362,68 +447,56 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
 
 Figure TimeByPlanner(const std::vector<std::unique_ptr<Database>>& databases,
                      const RunFilter& filter) {
-  const std::vector<std::string> activities = {"environment", "planning",  "learning",
-                                               "evaluation",  "recording", "other"};
-  struct Use {
-    std::map<std::string, double> seconds;  // summed over runs
-    double env_steps = 0;
-    int runs = 0;
-  };
-  std::map<std::string, Use> uses;
-  std::set<std::string> uuids;
-  RunFilter mains = filter;
-  mains.with_evaluations = false;
-  for (const auto& database : databases) {
-    Statement rows = database->connection().Prepare(
-        "SELECT activity, seconds, env_step FROM time_use WHERE run_id = ?1 AND env_step ="
-        " (SELECT max(env_step) FROM time_use WHERE run_id = ?1)");
-    for (const RunInfo& run : database->ListRuns(mains)) {
-      if (!uuids.insert(run.uuid).second) continue;
-      rows.Bind(run.run_id);
-      double env_steps = 0;
-      Use& use = uses[run.planner];
-      while (rows.Step()) {
-        use.seconds[rows.Text(0)] += rows.Real(1);
-        env_steps = rows.Real(2);
-      }
-      use.env_steps += env_steps;
-      use.runs += env_steps > 0 ? 1 : 0;
-    }
-  }
-  std::vector<std::string> planners;
-  for (const auto& [planner, use] : uses) {
-    if (use.env_steps > 0) planners.push_back(planner);
-  }
-  std::sort(planners.begin(), planners.end(), PlannerBefore);
-
+  const std::vector<TimeUse> uses = TimeUses(databases, filter);
   Figure figure;
   figure.y_label = "seconds for 1,000 environment steps";
   Panel panel = {.title = "time by planner"};
-  std::vector<double> floor(planners.size(), 0);
-  for (std::size_t a = 0; a < activities.size(); ++a) {
+  std::vector<double> floor(uses.size(), 0);
+  for (std::size_t a = 0; a < kActivities.size(); ++a) {
     Series bar = {.mark = Series::Mark::kBar, .style = static_cast<int>(a)};
     double total = 0;
-    for (std::size_t p = 0; p < planners.size(); ++p) {
-      const Use& use = uses[planners[p]];
-      const auto found = use.seconds.find(activities[a]);
-      const double seconds = found == use.seconds.end() ? 0 : 1000 * found->second / use.env_steps;
-      bar.x.push_back(static_cast<double>(p));
-      bar.lo.push_back(floor[p]);
-      bar.hi.push_back(floor[p] += seconds);
+    for (std::size_t u = 0; u < uses.size(); ++u) {
+      const double seconds = uses[u].For1000Steps(kActivities[a]);
+      bar.x.push_back(static_cast<double>(u));
+      bar.lo.push_back(floor[u]);
+      bar.hi.push_back(floor[u] += seconds);
       total += seconds;
     }
     if (total <= 0) continue;
     panel.series.push_back(bar);
-    figure.legend.push_back({.text = activities[a], .style = static_cast<int>(a), .band = true});
+    figure.legend.push_back({.text = kActivities[a], .style = static_cast<int>(a), .band = true});
   }
-  for (const std::string& planner : planners) {
-    panel.categories.push_back(planner + " (n = " + std::to_string(uses[planner].runs) + ")");
+  for (const TimeUse& use : uses) {
+    panel.categories.push_back(use.label + " (n = " + std::to_string(use.runs) + ")");
   }
   figure.panels.push_back(std::move(panel));
   figure.notes.push_back(
       "Wall seconds of all runs of a planner over their environment steps; n "
       "runs. Planning includes the posterior update.");
   return figure;
+}
+
+Table OverTasksTable(const std::vector<Line>& lines) {
+  Table table = {{"line", "env_step", "x", "mean", "lo", "hi", "n"}, {}};
+  for (const MeanLine& line : MeansOverTasks(lines, CurvePhase::kEvaluation)) {
+    for (const LinePoint& point : line.points) {
+      table.rows.push_back({line.label, point.env_step, point.x, point.mean, point.lo, point.hi,
+                            std::int64_t{point.n}});
+    }
+  }
+  return table;
+}
+
+Table TimeTable(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter) {
+  Table table = {{"line", "runs", "activity", "seconds_for_1000_env_steps"}, {}};
+  for (const TimeUse& use : TimeUses(databases, filter)) {
+    for (const char* activity : kActivities) {
+      if (use.seconds.count(activity) == 0) continue;
+      table.rows.push_back(
+          {use.label, use.runs, std::string(activity), use.For1000Steps(activity)});
+    }
+  }
+  return table;
 }
 
 Table CurveTable(const std::vector<Line>& lines) {

@@ -25,12 +25,19 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
 // have every task, with the minimum and maximum over seeds.
 Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& request);
 
-// One panel: seconds of a run by planner and activity, stacked.
+// One panel: seconds of a run by planner (and what tells its runs apart) and activity,
+// stacked.
 Figure TimeByPlanner(const std::vector<std::unique_ptr<Database>>& databases,
                      const RunFilter& filter);
 
-// The points of the lines: task, line, env_step, x, mean, lo, hi, n.
+// The numbers of the three figures.
+// By task: task, line, env_step, x, mean, lo, hi, n; also where only some runs have a
+// point.
 Table CurveTable(const std::vector<Line>& lines);
+// Over tasks: line, env_step, x, mean, lo, hi, n, in normalised scores and n seeds.
+Table OverTasksTable(const std::vector<Line>& lines);
+// Time: line, runs, activity, seconds for 1,000 environment steps.
+Table TimeTable(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter);
 
 // "walker_walk, mcts_pw: seed 2 failed at 12,000 of 60,000 steps" for every run
 // that did not finish, and every seed that others of the task have and this line

@@ -51,6 +51,63 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
+// The same over several lines. Double quotes hold the line break and nothing else,
+// for in them gnuplot expands much.
+std::string Quoted(const std::vector<std::string>& lines) {
+  std::string quoted;
+  for (const std::string& line : lines) {
+    quoted += (quoted.empty() ? "" : ".\"\\n\".") + Quoted(line);
+  }
+  return quoted;
+}
+
+// How many bytes of `word` go on a line of so many letters: up to a sign that joins
+// its parts if there is one, so that names break between their parts.
+std::size_t BreakOf(const std::string& word, std::size_t letters) {
+  std::size_t end = 0, joint = 0, hyphen = 0, count = 0;
+  while (end < word.size() && count < letters) {
+    do {
+      ++end;
+    } while (end < word.size() && (static_cast<unsigned char>(word[end]) & 0xc0) == 0x80);
+    ++count;
+    if (std::strchr("./=", word[end - 1]) != nullptr) joint = end;
+    if (word[end - 1] == '_') hyphen = end;
+  }
+  if (end == word.size()) return end;
+  return joint > 0 ? joint : hyphen > 0 ? hyphen : end;
+}
+
+// The text in lines of at most so many letters, of which all but the first are
+// indented.
+std::vector<std::string> Wrapped(const std::string& text, std::size_t letters,
+                                 const std::string& indent = "") {
+  letters = std::max<std::size_t>(letters, 8);
+  std::vector<std::string> lines;
+  std::istringstream words(text);
+  std::string line, word;
+  bool begun = false;  // the line has a word
+  const auto end_line = [&] {
+    lines.push_back(line);
+    line = indent;
+    begun = false;
+  };
+  while (words >> word) {
+    if (begun && Width(line) + 1 + Width(word) > letters) end_line();
+    line += begun ? " " : "";
+    begun = true;
+    while (Width(line) + Width(word) > letters) {
+      const std::size_t part = BreakOf(word, letters - Width(line));
+      line += word.substr(0, part);
+      word.erase(0, part);
+      end_line();
+    }
+    line += word;
+    begun = true;
+  }
+  if (begun || lines.empty()) lines.push_back(line);
+  return lines;
+}
+
 std::string Number(double value) { return std::isfinite(value) ? ExactText(value) : "NaN"; }
 
 // 20k, 1.5M, 0.25.
@@ -164,13 +221,17 @@ class Script {
   static constexpr double kLetter = 0.6 * kEm;  // width of a letter, rather too wide
   static constexpr double kLineHeight = 14;
   static constexpr double kPad = 8;
+  static constexpr std::size_t kCategoryLetters = 26;  // of a line beside or below an axis
 
   static int Pixels(double points, double per_inch) {
     return static_cast<int>(std::lround(points / 72 * per_inch));
   }
-  static double TextWidth(const std::string& text) {
-    return kLetter * static_cast<double>(Width(Printable(text)));
+  static double TextWidth(const std::vector<std::string>& lines) {
+    std::size_t letters = 0;
+    for (const std::string& line : lines) letters = std::max(letters, Width(line));
+    return kLetter * static_cast<double>(letters);
   }
+  static std::size_t Letters(double width) { return static_cast<std::size_t>(width / kLetter); }
 
   void Lay() {
     const auto count = figure_.panels.size();
@@ -187,23 +248,38 @@ class Script {
                                 : columns_ == 3 ? 130
                                                 : 105;
     left_ = 34;
+    std::vector<std::string> numbered;
     for (const Panel& panel : figure_.panels) {
+      auto& names = categories_.emplace_back();
       for (const std::string& name : panel.categories) {
-        if (!HasBars(panel)) left_ = std::max(left_, TextWidth(name) + 10);
+        names.push_back(Wrapped(Printable(name), kCategoryLetters));
+      }
+      if (!HasBars(panel)) {
+        for (const auto& name : names) left_ = std::max(left_, TextWidth(name) + 10);
+        continue;
+      }
+      // Below bars there is room for one line, or else for a number that a note explains.
+      const bool fit = std::all_of(names.begin(), names.end(),
+                                   [](const auto& name) { return name.size() == 1; });
+      for (std::size_t i = 0; i < names.size() && !fit; ++i) {
+        names[i] = {std::to_string(i + 1)};
+        numbered.push_back(names[i][0] + ": " + panel.categories[i]);
       }
     }
     tics_below_ = 16;
-    for (const Panel& panel : figure_.panels) {
-      if (!panel.x_label.empty()) tics_below_ = 16 + kLineHeight;
-      if (HasBars(panel)) tics_below_ = std::max(tics_below_, BarLabelHeight(panel));
+    for (std::size_t p = 0; p < count; ++p) {
+      if (!figure_.panels[p].x_label.empty()) tics_below_ = 16 + kLineHeight;
+      if (HasBars(figure_.panels[p])) tics_below_ = std::max(tics_below_, BarLabelHeight(p));
     }
     panel_width_ = panel_width;
     panel_height_ = panel_height;
-    for (const Panel& panel : figure_.panels) {
-      if (!panel.categories.empty() && !HasBars(panel)) {
-        panel_height_ =
-            std::max(panel_height_ * 0.5, 18.0 * static_cast<double>(panel.categories.size()) + 12);
-      }
+    for (std::size_t p = 0; p < count; ++p) {
+      if (categories_[p].empty() || HasBars(figure_.panels[p])) continue;
+      std::size_t lines = 1;
+      for (const auto& name : categories_[p]) lines = std::max(lines, name.size());
+      const double row = 18.0 + 12.0 * static_cast<double>(lines - 1);
+      panel_height_ =
+          std::max(panel_height_ * 0.5, row * static_cast<double>(categories_[p].size()) + 12);
     }
     cell_width_ = left_ + panel_width_ + RightMargin();
     cell_height_ = panel_height_ + tics_below_ + kLineHeight + 13;
@@ -211,10 +287,24 @@ class Script {
     width_ = kPad + y_label_width_ + columns_ * cell_width_ + kPad;
 
     LayLegend();
-    notes_ = WrapNotes();
+    numbered.insert(numbered.end(), figure_.notes.begin(), figure_.notes.end());
+    for (const std::string& note : numbered) {
+      for (std::string& line :
+           Wrapped(Printable(note), Letters(width_ - 2 * kPad) * 10 / 9, "  ")) {
+        notes_.push_back(std::move(line));
+      }
+    }
+    std::istringstream titles(figure_.title);
+    std::string title;
+    while (std::getline(titles, title)) {
+      for (std::string& line : Wrapped(Printable(title), Letters(width_ - 2 * kPad))) {
+        titles_.push_back(std::move(line));
+      }
+    }
     bottom_ = kPad + static_cast<double>(notes_.size()) * kLineHeight + legend_height_ +
               (figure_.x_label.empty() ? 0 : kLineHeight + 4) + 4;
-    top_ = kPad + (figure_.title.empty() ? 0 : kLineHeight + 6);
+    top_ =
+        kPad + (titles_.empty() ? 0 : static_cast<double>(titles_.size()) * (kLineHeight + 2) + 4);
     height_ = bottom_ + rows_ * cell_height_ + top_;
   }
 
@@ -223,19 +313,19 @@ class Script {
                        [](const Series& s) { return s.mark == Series::Mark::kBar; });
   }
   // Names below bars are turned by 35 degrees.
-  static double BarLabelHeight(const Panel& panel) {
+  double BarLabelHeight(std::size_t panel) const {
     double longest = 0;
-    for (const std::string& name : panel.categories) longest = std::max(longest, TextWidth(name));
+    for (const auto& name : categories_[panel]) longest = std::max(longest, TextWidth(name));
     return 14 + longest * 0.6;
   }
 
   // The last of the turned names reaches beyond its bar.
   double RightMargin() const {
     double margin = 12;
-    for (const Panel& panel : figure_.panels) {
-      if (!HasBars(panel)) continue;
-      const double place = panel_width_ / static_cast<double>(panel.categories.size());
-      margin = std::max(margin, 0.82 * TextWidth(panel.categories.back()) - place / 2);
+    for (std::size_t p = 0; p < figure_.panels.size(); ++p) {
+      if (!HasBars(figure_.panels[p])) continue;
+      const double place = panel_width_ / static_cast<double>(categories_[p].size());
+      margin = std::max(margin, 0.82 * TextWidth(categories_[p].back()) - place / 2);
     }
     return margin;
   }
@@ -243,37 +333,25 @@ class Script {
   void LayLegend() {
     const double room = width_ - 2 * kPad;
     double x = 0;
-    int row = 0;
-    legend_at_.clear();
+    std::size_t row = 0, lines = 0;  // where the row begins, and how many lines it has
     for (const LegendEntry& entry : figure_.legend) {
-      const double need = kSample + 6 + TextWidth(entry.text) + 14;
-      if (x > 0 && x + need > room) {
+      LegendText text;
+      text.lines = Wrapped(Printable(entry.text), Letters(room - kSample - 6));
+      const double need = kSample + 6 + TextWidth(text.lines) + 14;
+      // The space after an entry may be beyond the edge.
+      if (x > 0 && x + need - 14 > room) {
         x = 0;
-        ++row;
+        row += lines;
+        lines = 0;
       }
-      legend_at_.emplace_back(x, row);
+      text.x = x;
+      text.row = static_cast<int>(row);
       x += need;
+      lines = std::max(lines, text.lines.size());
+      legend_.push_back(std::move(text));
     }
-    const int rows = figure_.legend.empty() ? 0 : row + 1;
-    legend_height_ = rows == 0 ? 0 : rows * (kLineHeight + 1) + 5;
-  }
-
-  std::vector<std::string> WrapNotes() const {
-    const auto letters = static_cast<std::size_t>((width_ - 2 * kPad) / (kLetter * 0.9));
-    std::vector<std::string> lines;
-    for (const std::string& note : figure_.notes) {
-      std::istringstream words(Printable(note));
-      std::string line, word;
-      while (words >> word) {
-        if (!line.empty() && Width(line) + 1 + Width(word) > letters) {
-          lines.push_back(line);
-          line = "  ";
-        }
-        line += (line.empty() || line == "  " ? "" : " ") + word;
-      }
-      if (!line.empty()) lines.push_back(line);
-    }
-    return lines;
+    legend_rows_ = static_cast<int>(row + lines);
+    legend_height_ = legend_rows_ == 0 ? 0 : legend_rows_ * (kLineHeight + 1) + 5;
   }
 
   double ScreenX(double points) const { return points / width_; }
@@ -322,7 +400,7 @@ class Script {
     if (bars) {
       x_axis.low = -0.6;
       x_axis.high = static_cast<double>(panel.categories.size()) - 0.4;
-      x_axis.tics = CategoryTics(panel.categories) + " rotate by -35 left";
+      x_axis.tics = CategoryTics(index) + " rotate by -35 left";
     } else if (figure_.x_log && x_high > 0) {
       double smallest = INFINITY;
       for (const Series& series : panel.series) {
@@ -340,7 +418,7 @@ class Script {
     if (categories && !bars) {
       y_axis.low = -0.6;
       y_axis.high = static_cast<double>(panel.categories.size()) - 0.4;
-      y_axis.tics = CategoryTics(panel.categories);
+      y_axis.tics = CategoryTics(index);
     } else {
       y_axis =
           LinearAxis(figure_.y_low.value_or(std::min(0.0, y_low)), figure_.y_high.value_or(y_high),
@@ -377,11 +455,11 @@ class Script {
     *out << "\n";
   }
 
-  static std::string CategoryTics(const std::vector<std::string>& names) {
+  std::string CategoryTics(std::size_t panel) const {
     std::string tics = "(";
-    for (std::size_t i = 0; i < names.size(); ++i) {
+    for (std::size_t i = 0; i < categories_[panel].size(); ++i) {
       if (i > 0) tics += ", ";
-      tics += Quoted(names[i]) + " " + std::to_string(i);
+      tics += Quoted(categories_[panel][i]) + " " + std::to_string(i);
     }
     return tics + ")";
   }
@@ -425,8 +503,10 @@ class Script {
            << Number(ScreenY(y)) << " " << how << "\n";
     };
     const double grid_middle = kPad + y_label_width_ + columns_ * cell_width_ / 2 + left_ / 2;
-    if (!figure_.title.empty()) {
-      label(figure_.title, width_ / 2, height_ - kPad - kLineHeight / 2, "center");
+    for (std::size_t i = 0; i < titles_.size(); ++i) {
+      label(titles_[i], width_ / 2,
+            height_ - kPad - kLineHeight / 2 - static_cast<double>(i) * (kLineHeight + 2),
+            "center");
     }
     if (!figure_.y_label.empty()) {
       label(figure_.y_label, kPad + kLineHeight / 2, bottom_ + rows_ * cell_height_ / 2,
@@ -438,15 +518,13 @@ class Script {
       y += kLineHeight;
     }
     const double legend_bottom = kPad + static_cast<double>(notes_.size()) * kLineHeight + 4;
-    const int legend_rows = static_cast<int>(
-        std::lround((legend_height_ > 0 ? legend_height_ - 5 : 0) / (kLineHeight + 1)));
     for (std::size_t i = 0; i < figure_.legend.size(); ++i) {
       const LegendEntry& entry = figure_.legend[i];
       const Style& style = StyleOf(entry.style);
-      const auto [offset, row] = legend_at_[i];
-      const double x = kPad + offset;
+      const LegendText& text = legend_[i];
+      const double x = kPad + text.x;
       const double line_y =
-          legend_bottom + (legend_rows - 1 - row) * (kLineHeight + 1) + kLineHeight / 2;
+          legend_bottom + (legend_rows_ - 1 - text.row) * (kLineHeight + 1) + kLineHeight / 2;
       if (entry.band) {
         *out << "set object rectangle from screen " << Number(ScreenX(x)) << ","
              << Number(ScreenY(line_y - 4)) << " to screen " << Number(ScreenX(x + kSample)) << ","
@@ -461,7 +539,10 @@ class Script {
              << Number(ScreenY(line_y)) << " point pointtype " << style.marker
              << " pointsize 0.6 linecolor rgb '" << style.colour << "'\n";
       }
-      label(entry.text, x + kSample + 6, line_y, "left");
+      for (std::size_t k = 0; k < text.lines.size(); ++k) {
+        label(text.lines[k], x + kSample + 6, line_y - static_cast<double>(k) * (kLineHeight + 1),
+              "left");
+      }
     }
     if (!figure_.x_label.empty()) {
       label(figure_.x_label, grid_middle, legend_bottom + legend_height_ + kLineHeight / 2,
@@ -472,14 +553,23 @@ class Script {
 
   static constexpr double kSample = 26;
 
+  // Where an entry begins: points from the left, lines from the top.
+  struct LegendText {
+    double x = 0;
+    int row = 0;
+    std::vector<std::string> lines;
+  };
+
   const Figure& figure_;
   int columns_ = 1, rows_ = 1;
   double left_ = 0, tics_below_ = 0;
   double panel_width_ = 0, panel_height_ = 0, cell_width_ = 0, cell_height_ = 0;
   double y_label_width_ = 0, width_ = 0, height_ = 0, bottom_ = 0, top_ = 0;
   double legend_height_ = 0;
-  std::vector<std::pair<double, int>> legend_at_;
-  std::vector<std::string> notes_;
+  int legend_rows_ = 0;
+  std::vector<LegendText> legend_;
+  std::vector<std::vector<std::vector<std::string>>> categories_;  // by panel: lines of each
+  std::vector<std::string> notes_, titles_;
 };
 
 std::string Suffix(const std::string& path) {
@@ -494,9 +584,93 @@ std::string ReadFile(const std::string& path) {
   return bytes.str();
 }
 
+// Runs a program in a folder; what it prints goes to the file `output` there. The
+// wait status, or -1 with errno if it cannot be started.
+int Run(const char* const* arguments, const std::string& folder, const char* output) {
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 1, output, O_WRONLY | O_CREAT, 0600);
+  posix_spawn_file_actions_adddup2(&actions, 1, 2);
+  pid_t child = 0;
+  const int error = posix_spawnp(&child, arguments[0], &actions, nullptr,
+                                 const_cast<char* const*>(arguments), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) {
+    errno = error;
+    return -1;
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  return status;
+}
+
+// The letter of UTF-8 at `*at`, which moves past it; 0 where there is none.
+char32_t NextLetter(const std::string& text, std::size_t* at) {
+  const auto first = static_cast<unsigned char>(text[(*at)++]);
+  if (first < 0x80) return first;
+  const int more = first >= 0xf0 && first < 0xf8   ? 3
+                   : first >= 0xe0 && first < 0xf0 ? 2
+                   : first >= 0xc2 && first < 0xe0 ? 1
+                                                   : 0;
+  if (more == 0) return 0;
+  char32_t letter = first & (0x3f >> more);
+  for (int i = 0; i < more; ++i) {
+    if (*at >= text.size() || (static_cast<unsigned char>(text[*at]) & 0xc0) != 0x80) return 0;
+    letter = letter << 6 | (static_cast<unsigned char>(text[(*at)++]) & 0x3f);
+  }
+  return letter;
+}
+
+// Ranges of letters that some font has. Pango uses fonts of these two formats.
+std::vector<std::pair<unsigned long, unsigned long>> LettersOfFonts(const std::string& folder) {
+  const char* arguments[] = {"fc-list", "-f", "%{fontformat} %{charset}\n", nullptr};
+  std::vector<std::pair<unsigned long, unsigned long>> ranges = {{0, 0x7f}};
+  if (Run(arguments, folder, "fonts") != 0) return ranges;
+  std::istringstream lines(ReadFile(folder + "/fonts"));
+  std::string line, format, range;
+  while (std::getline(lines, line)) {
+    std::istringstream words(line);
+    words >> format;
+    if (format != "TrueType" && format != "CFF") continue;
+    while (words >> range) {
+      char* end = nullptr;
+      const unsigned long low = std::strtoul(range.c_str(), &end, 16);
+      ranges.emplace_back(low, *end == '-' ? std::strtoul(end + 1, nullptr, 16) : low);
+    }
+  }
+  return ranges;
+}
+
+// A letter that no font has comes out of gnuplot's cairo terminals as a box larger
+// than the picture; the sign for such a letter takes its place.
+std::string Drawable(const std::string& script, const std::string& folder) {
+  const auto ascii = [](char c) { return static_cast<unsigned char>(c) < 0x80; };
+  if (std::all_of(script.begin(), script.end(), ascii)) return script;
+  const auto ranges = LettersOfFonts(folder);
+  const auto known = [&ranges](char32_t letter) {
+    return std::any_of(ranges.begin(), ranges.end(), [letter](const auto& range) {
+      return range.first <= letter && letter <= range.second;
+    });
+  };
+  std::string text;
+  for (std::size_t at = 0; at < script.size();) {
+    const std::size_t begin = at;
+    const char32_t letter = NextLetter(script, &at);
+    if (letter != 0 && (letter < 0x80 || known(letter))) {
+      text.append(script, begin, at - begin);
+    } else {
+      text += known(0xfffd) ? "\xEF\xBF\xBD" : "?";
+    }
+  }
+  return text;
+}
+
 // Runs gnuplot on the script in a folder of its own, so that no name of the
 // user's gets into the script, and gives the bytes it made.
-std::string RunGnuplot(const std::string& script) {
+std::string RunGnuplot(const std::string& script, bool with_fonts) {
   std::string folder =
       (std::filesystem::temp_directory_path() / "dreamsearch-figure-XXXXXX").string();
   if (mkdtemp(folder.data()) == nullptr) {
@@ -509,27 +683,15 @@ std::string RunGnuplot(const std::string& script) {
       std::filesystem::remove_all(folder, ignored);
     }
   } const remove{folder};
-  std::ofstream(folder + "/script") << script;
+  std::ofstream(folder + "/script") << (with_fonts ? Drawable(script, folder) : script);
 
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, "messages", O_WRONLY | O_CREAT, 0600);
-  posix_spawn_file_actions_adddup2(&actions, 1, 2);
   // -d: the user's own settings file would change the picture.
   const char* arguments[] = {"gnuplot", "-d", "script", nullptr};
-  pid_t child = 0;
-  const int error = posix_spawnp(&child, "gnuplot", &actions, nullptr,
-                                 const_cast<char* const*>(arguments), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) {
+  const int status = Run(arguments, folder, "messages");
+  if (status == -1) {
     throw Error(kExitNoInput,
                 std::string("gnuplot, which draws the pictures, cannot be started: ") +
-                    std::strerror(error) + ". Install the package gnuplot-nox.");
-  }
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+                    std::strerror(errno) + ". Install the package gnuplot-nox.");
   }
   std::string bytes = ReadFile(folder + "/figure");
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0 || bytes.empty()) {
@@ -557,7 +719,8 @@ std::string WithoutEmptyGroups(const std::string& svg) {
 }
 
 std::string Picture(const Figure& figure, const std::string& format) {
-  const std::string bytes = RunGnuplot(Script(figure).Text(format));
+  // Whoever shows an SVG picture has fonts of its own.
+  const std::string bytes = RunGnuplot(Script(figure).Text(format), format != "svg");
   return format == "svg" ? WithoutEmptyGroups(bytes) : bytes;
 }
 

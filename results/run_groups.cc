@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 #include <tuple>
 
 #include "results/table.h"
@@ -107,6 +108,26 @@ std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) 
     texts.push_back(labels[{run->planner, IsEvaluation(*run)}][run->config_sha256]);
   }
   return texts;
+}
+
+std::string ShortLabel(const std::string& label) {
+  std::vector<std::string> whole, brief;
+  std::map<std::string, int> names;
+  std::istringstream parts(label);
+  std::string part, text;
+  while (parts >> part) {
+    const std::size_t equals = part.find('=');
+    const bool setting = equals != std::string::npos && part[0] != '(';
+    const std::size_t dot = setting ? part.rfind('.', equals) : std::string::npos;
+    whole.push_back(part);
+    brief.push_back(dot == std::string::npos ? part : part.substr(dot + 1));
+    ++names[brief.back().substr(0, brief.back().find('='))];
+  }
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const bool alone = names[brief[i].substr(0, brief[i].find('='))] == 1;
+    text += (text.empty() ? "" : " ") + (alone ? brief[i] : whole[i]);
+  }
+  return text;
 }
 
 int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase) {

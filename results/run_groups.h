@@ -46,6 +46,10 @@ std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups);
 // Empty where none do. Evaluations are told from each other, not from trained runs.
 std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs);
 
+// A label with the settings' own names alone, for where there is little room:
+// "model.parameters.norm=none" as "norm=none", unless two would end alike.
+std::string ShortLabel(const std::string& label);
+
 // Which `episode.phase` a request comes to for this run.
 int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase);
 

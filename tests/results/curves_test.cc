@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <regex>
+
 #include "recording.h"
 #include "results/curve_figure.h"
 
@@ -202,6 +204,118 @@ TEST_F(CurvesTest, TheMeanEndsWhereTheFirstSeedEnds) {
       EXPECT_EQ(series.y, (std::vector<double>{2, 100}));
     }
   }
+}
+
+TEST_F(CurvesTest, TimeKeepsApartWhatCurvesKeepApart) {
+  AddRun({.config = R"({"depth":3})"}, {{kTrain, 1000, 1}});
+  AddRun({.config = R"({"depth":4})"}, {{kTrain, 1000, 1}});
+  const Figure figure = TimeByPlanner(databases_, {});
+  EXPECT_EQ(figure.panels[0].categories,
+            (std::vector<std::string>{"mcts_pw depth=3 (n = 1)", "mcts_pw depth=4 (n = 1)"}));
+  const Table table = TimeTable(databases_, {});
+  ASSERT_EQ(table.rows.size(), 4u);
+  EXPECT_EQ(table.rows[0], (std::vector<Cell>{std::string("mcts_pw depth=3"), std::int64_t{1},
+                                              std::string("learning"), 10.0}));
+}
+
+TEST_F(CurvesTest, TheTableOfTheMeanOverTasksIsWhatIsDrawn) {
+  for (int seed = 0; seed < 3; ++seed) {
+    AddRun({.task = "walker_walk", .seed = seed}, {{kSearch, 0, 100.0 * seed}});
+    AddRun({.task = "cup_catch", .seed = seed}, {{kSearch, 0, 300}, {kSearch, 10, 300}});
+  }
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  const Table table = OverTasksTable(lines);
+  ASSERT_EQ(table.rows.size(), 1u);  // at step 10 a task has no point
+  EXPECT_DOUBLE_EQ(std::get<double>(table.rows[0][3]), 0.2);
+  EXPECT_DOUBLE_EQ(std::get<double>(table.rows[0][4]), 0.15);
+  EXPECT_DOUBLE_EQ(std::get<double>(table.rows[0][5]), 0.25);
+  EXPECT_EQ(std::get<std::int64_t>(table.rows[0][6]), 3);
+  const Figure figure = CurvesOverTasks(lines, {});
+  for (const Series& series : figure.panels[0].series) {
+    if (series.mark == Series::Mark::kLine) {
+      EXPECT_EQ(series.y, (std::vector<double>{std::get<double>(table.rows[0][3])}));
+    }
+  }
+}
+
+// Texts of an SVG picture that are anchored at their left, and where they end, in
+// pixels; a letter is taken to be 7.2 wide.
+std::vector<std::pair<std::string, double>> LeftTexts(const std::string& svg) {
+  const std::regex form(
+      R"re(translate\(([0-9.]+),[^>]*text-anchor="start">\s*<text>([^<]*)</text>)re");
+  std::vector<std::pair<std::string, double>> texts;
+  for (std::sregex_iterator it(svg.begin(), svg.end(), form), none; it != none; ++it) {
+    const std::string text = (*it)[2];
+    texts.emplace_back(text, std::stod((*it)[1]) + 7.2 * static_cast<double>(text.size()));
+  }
+  return texts;
+}
+
+TEST(Figure, LongLegendEntriesAreWrappedAndLoseNothing) {
+  Figure figure;
+  figure.panels.push_back({.title = "t", .series = {{.x = {0, 1}, .y = {0, 1}}}});
+  const std::string shared =
+      "mcts_pw model.parameters.entropy_scale=0.003 model.parameters.slow_critic_weight=1.0 ";
+  const std::string word(150, 'w');
+  figure.legend = {{.text = shared + "run.train_every=2 (n = 3)", .style = 0},
+                   {.text = shared + "run.train_every=3 (n = 3)", .style = 1},
+                   {.text = word, .style = 2}};
+  const std::string svg = DrawSvg(figure);
+  double width = 0;
+  ASSERT_EQ(std::sscanf(svg.c_str() + svg.find("<svg"), "<svg width=\"%lf\"", &width), 1)
+      << svg.substr(0, 300);
+  std::string all;
+  for (const auto& [text, right] : LeftTexts(svg)) {
+    EXPECT_LE(right, width) << text;
+    all += text + (text.find('w') == 0 ? "" : " ");
+  }
+  for (const LegendEntry& entry : figure.legend) {
+    EXPECT_NE(all.find(entry.text), std::string::npos) << all;
+  }
+}
+
+TEST(Figure, LongNamesBesideAnAxisAreWrapped) {
+  Figure figure;
+  figure.panels.push_back(
+      {.title = "t",
+       .series = {
+           {.mark = Series::Mark::kInterval, .x = {0.5}, .y = {0}, .lo = {0.4}, .hi = {0.6}}}});
+  std::string name = "mcts_pw";
+  for (int i = 0; i < 6; ++i) name += " model.parameters.setting_" + std::to_string(i) + "=1.0";
+  figure.panels[0].categories = {name};
+  const std::string svg = DrawSvg(figure);
+  double width = 0;
+  ASSERT_EQ(std::sscanf(svg.c_str() + svg.find("<svg"), "<svg width=\"%lf\"", &width), 1);
+  EXPECT_LT(width, 800);
+  EXPECT_NE(svg.find("setting_5=1.0"), std::string::npos);
+  // Below bars a number stands for it.
+  figure.panels[0].series[0].mark = Series::Mark::kBar;
+  figure.panels[0].series[0].x = {0};
+  const std::string bars = DrawSvg(figure);
+  EXPECT_NE(bars.find("<text>1</text>"), std::string::npos);
+  EXPECT_NE(bars.find("<text>1: mcts_pw model."), std::string::npos);
+}
+
+TEST(RunGroups, AShortLabelHasTheSettingsOwnNames) {
+  EXPECT_EQ(ShortLabel("mcts_pw model.parameters.norm=\"a.b\" run.steps=0.5 (study.x=1)"),
+            "mcts_pw norm=\"a.b\" steps=0.5 (study.x=1)");
+  EXPECT_EQ(ShortLabel("a.lr=1 b.lr=2 c.d=3"), "a.lr=1 b.lr=2 d=3");
+}
+
+// U+10FFFD is of no font.
+TEST(Figure, ALetterThatNoFontHasIsReplacedByTheSignForIt) {
+  const TemporaryFolder folder;
+  Figure figure;
+  figure.panels.push_back({.title = "t", .series = {{.x = {0, 1}, .y = {0, 1}}}});
+  figure.title = "a \xF4\x8F\xBF\xBD b \xFF";
+  Draw(figure, folder / "a.png");
+  figure.title = "a \xEF\xBF\xBD b \xEF\xBF\xBD";
+  Draw(figure, folder / "b.png");
+  EXPECT_EQ(ReadWholeFile(folder / "a.png"), ReadWholeFile(folder / "b.png"));
+  figure.title = "first line\nsecond line";
+  const std::string svg = DrawSvg(figure);
+  EXPECT_NE(svg.find(">first line<"), std::string::npos);
+  EXPECT_NE(svg.find(">second line<"), std::string::npos);
 }
 
 }  // namespace
