@@ -143,6 +143,7 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
     line.task = group.task;
     line.label = group.label;
     line.planner = group.planner;
+    line.binned = binned;
     line.return_low = group.return_low;
     line.return_high = group.return_high;
     for (const auto& [run, database, phase] : group.runs) {

@@ -45,6 +45,7 @@ struct Line {
   std::string planner;  // empty for a published line
   bool published = false;
   bool with_search = false;  // phase 1 rather than 2 or 0
+  bool binned = false;       // points are bins rather than evaluations
   std::optional<double> return_low, return_high;
   std::vector<RunCurve> runs;  // by seed; runs without a point included
 

@@ -43,15 +43,20 @@ std::string Escaped(const std::string& text) {
   return html;
 }
 
-// Keeps at most kMostPoints of every run: means of as many neighbouring points.
-// Returns how many points one stands for.
-std::size_t Thin(std::vector<Line>* lines) {
-  std::size_t most = 0;
-  for (const Line& line : *lines) {
+// How many neighbouring points become one, so that at most kMostPoints of each of our
+// runs are left. Published curves are not thinned.
+std::size_t GroupSize(const std::vector<Line>& lines) {
+  std::size_t most = 1;
+  for (const Line& line : lines) {
+    if (line.published) continue;
     for (const RunCurve& run : line.runs) most = std::max(most, run.env_step.size());
   }
-  const std::size_t group = (most + kMostPoints - 1) / kMostPoints;
-  if (group <= 1) return 1;
+  return (most + kMostPoints - 1) / kMostPoints;
+}
+
+// Replaces so many neighbouring points by their mean.
+void Thin(std::size_t group, std::vector<Line>* lines) {
+  if (group <= 1) return;
   for (Line& line : *lines) {
     if (line.published) continue;
     for (RunCurve& run : line.runs) {
@@ -72,7 +77,24 @@ std::size_t Thin(std::vector<Line>* lines) {
       run = std::move(thin);
     }
   }
-  return group;
+}
+
+// A text in SQL.
+std::string SqlText(const std::string& text) {
+  std::string sql = "'";
+  for (const char c : text) {
+    if (c == '\'') sql += c;
+    sql += c;
+  }
+  return sql + "'";
+}
+
+// " AND COLUMN IN ('a', 'b')"; nothing for an empty list.
+std::string SqlIn(const std::string& column, const std::vector<std::string>& texts) {
+  if (texts.empty()) return "";
+  std::string sql;
+  for (const std::string& text : texts) sql += (sql.empty() ? "" : ", ") + SqlText(text);
+  return "\n    AND " + column + " IN (" + sql + ")";
 }
 
 // Four significant digits are more than a screen shows.
@@ -98,13 +120,16 @@ class Page {
     CurveRequest curves = {.filter = request_.filter, .published = request_.published};
     lines_ = ReadLines(databases_, curves);
     if (lines_.empty()) {
-      throw Error(kExitNoInput, databases_.front()->path() + ": holds no runs of that kind.");
+      throw Error(kExitNoInput, NothingToGroup(databases_, request_.filter));
     }
-    points_ = Thin(&lines_);
+    points_ = GroupSize(lines_);
+    Thin(points_, &lines_);
+    std::set<std::string> uuids;
     for (const auto& database : databases_) {
       RunFilter mains = request_.filter;
       mains.with_evaluations = false;
       for (RunInfo& run : database->ListRuns(mains)) {
+        if (!uuids.insert(run.uuid).second) continue;
         runs_.push_back(std::move(run));
         homes_.push_back(database.get());
       }
@@ -147,6 +172,70 @@ class Page {
     for (const std::string& line : Split(sql)) html_ << Escaped(line) << "\n";
     html_ << "</code></pre></details>\n";
   }
+
+  // Whether points are bins rather than evaluations.
+  bool Binned() const {
+    return std::any_of(lines_.begin(), lines_.end(), [](const Line& line) { return line.binned; });
+  }
+  // The condition that RunFilter is, as SQL.
+  std::string Chosen(const std::string& study, const std::string& task, const std::string& planner,
+                     const std::string& seed) const {
+    const RunFilter& filter = request_.filter;
+    std::string sql =
+        SqlIn(study, filter.studies) + SqlIn(task, filter.tasks) + SqlIn(planner, filter.planners);
+    std::string seeds;
+    for (const std::int64_t s : filter.seeds)
+      seeds += (seeds.empty() ? "" : ", ") + std::to_string(s);
+    if (!seeds.empty()) sql += "\n    AND " + seed + " IN (" + seeds + ")";
+    return sql;
+  }
+  // A run's line: its planner, or, where one planner has several, by the run.
+  std::string LineOfRun() const {
+    std::map<std::string, std::string> uuids;  // by label
+    std::set<std::string> planners;
+    for (const Line& line : lines_) {
+      if (line.published) continue;
+      planners.insert(line.planner);
+      for (const RunCurve& run : line.runs) {
+        std::string& list = uuids[line.label];
+        list += (list.empty() ? "" : ", ") + SqlText(run.uuid.substr(0, 8));
+      }
+    }
+    if (uuids.size() == planners.size()) return "run.planner";
+    std::string sql = "CASE";
+    for (const auto& [label, list] : uuids) {
+      sql += "\n      WHEN substr(run.uuid, 1, 8) IN (" + list + ")\n      THEN " + SqlText(label);
+    }
+    return sql + " END";
+  }
+  // The runs of the page with the phase that is drawn of each.
+  std::string RunsSql() const {
+    return "WITH r AS (\n"
+           "  SELECT run.run_id, task.name AS task, task.return_low, task.return_high, run.seed,\n"
+           "    run.env_steps_target, " +
+           LineOfRun() +
+           " AS line,\n"
+           "    CASE WHEN EXISTS (SELECT 1 FROM episode e WHERE e.run_id = run.run_id AND e.phase "
+           "= "
+           "1)\n"
+           "      THEN 1 ELSE 2 END AS phase\n"
+           "  FROM run JOIN study USING (study_id) JOIN task USING (task_id)\n"
+           "  WHERE run.parent_run_id IS NULL AND run.env_steps_target > 0" +
+           Chosen("study.name", "task.name", "run.planner", "run.seed") + ")";
+  }
+  // And their points.
+  std::string PointsSql() const {
+    return RunsSql() + ", p AS (\n" +
+           (Binned()
+                ? "  SELECT r.*, b.env_step_bin * 10000 AS env_step, b.sum_return / b.n AS mean\n"
+                  "  FROM r JOIN curve_bin b ON b.run_id = r.run_id AND b.phase = r.phase AND b.n "
+                  "> "
+                  "0)"
+                : "  SELECT r.*, e.env_step, avg(e.episode_return) AS mean\n"
+                  "  FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
+                  "  GROUP BY r.run_id, e.env_step HAVING count(e.episode_return) > 0)");
+  }
+
   static std::vector<std::string> Split(const std::string& text) {
     std::istringstream stream(text);
     std::vector<std::string> lines;
@@ -231,7 +320,11 @@ class Page {
         "seeds; fewer than 3 seeds give points and no band. A line ends where its first seed ends.";
     if (points_ > 1) {
       note += " Each point but the first is the mean of " + std::to_string(points_) +
-              " neighbouring bins of 10,000 steps.";
+              " neighbouring " + (Binned() ? "bins of 10,000 steps" : "evaluations") +
+              "; the query gives every one.";
+    }
+    if (databases_.size() > 1) {
+      note += " A query is of one database: merge them (`results merge`) to ask it of all runs.";
     }
     Note(note);
     html_ << "<div class=\"grid\">\n";
@@ -245,9 +338,14 @@ class Page {
     }
     html_ << "</div>\n";
     Picture(CurvesByTask(lines_, curves, CurveInterval::kMinMax), "Learning curves by task", false);
-    Query(
-        "SELECT task, planner, env_step, mean, lo, hi, seeds FROM v_curve\nWHERE phase = CASE "
-        "planner WHEN 'dreamer' THEN 2 ELSE 1 END\nORDER BY task, planner, env_step");
+    Query(PointsSql() +
+          ", n AS (\n"
+          "  SELECT task, line, count(DISTINCT run_id) AS runs FROM p GROUP BY task, line)\n"
+          "SELECT task, line, env_step, avg(mean) AS mean, min(mean) AS lo, max(mean) AS hi,\n"
+          "  count(*) AS seeds\n"
+          "FROM p JOIN n USING (task, line)\n"
+          "GROUP BY task, line, env_step HAVING count(*) = runs\n"
+          "ORDER BY task, line, env_step");
   }
 
   void OverTasks(const CurveRequest& curves) {
@@ -256,18 +354,25 @@ class Page {
     Note("Returns are normalised by each task's range. Shown where every seed has every task.");
     CurveFigure("all", "mean over " + std::to_string(tasks_.size()) + " tasks");
     Picture(CurvesOverTasks(lines_, curves), "Mean over tasks", false);
-    Query(
-        "SELECT c.planner, c.env_step, avg((c.mean - t.return_low) / (t.return_high - "
-        "t.return_low)) AS score, count(*) AS tasks\nFROM v_curve c JOIN task t ON t.name = c.task "
-        "WHERE c.phase = CASE c.planner WHEN 'dreamer' THEN 2 ELSE 1 END\nGROUP BY c.planner, "
-        "c.env_step");
+    Query(PointsSql() +
+          ", s AS (\n"
+          "  SELECT line, seed, env_step,\n"
+          "    avg((mean - return_low) / (return_high - return_low)) AS score\n"
+          "  FROM p GROUP BY line, seed, env_step HAVING count(*) = " +
+          std::to_string(tasks_.size()) +
+          "),\nn AS (\n"
+          "  SELECT line, count(DISTINCT seed) AS seeds FROM p GROUP BY line)\n"
+          "SELECT line, env_step, avg(score) AS mean, min(score) AS lo, max(score) AS hi, seeds\n"
+          "FROM s JOIN n USING (line)\n"
+          "GROUP BY line, env_step HAVING count(*) = seeds\n"
+          "ORDER BY line, env_step");
   }
 
   void Time() {
     Heading("time", "Time");
-    html_
-        << "<figure><div class=\"chart\"><canvas id=\"time-chart\" role=\"img\" aria-label=\"Seconds by "
-           "planner and activity; the table below has the numbers.\"></canvas></div></figure>\n";
+    html_ << "<figure><div class=\"chart\"><canvas id=\"time-chart\" role=\"img\" "
+             "aria-label=\"Seconds by "
+             "planner and activity; the table below has the numbers.\"></canvas></div></figure>\n";
     const Figure figure = TimeByPlanner(databases_, request_.filter);
     Picture(figure, "Seconds by planner and activity", false);
     Table table = {{"planner"}, {}};
@@ -288,9 +393,16 @@ class Page {
       time_["activities"].push_back({{"name", figure.legend[s].text}, {"seconds", seconds}});
     }
     HtmlTable(table, "Seconds for 1,000 environment steps; n runs");
-    Query(
-        "SELECT planner, activity, sum(seconds_of_all_runs) / sum(env_steps * runs) * 1000 AS "
-        "seconds\nFROM v_time GROUP BY planner, activity");
+    Query(RunsSql() +
+          ", u AS (\n"
+          "  SELECT r.line, r.run_id, t.activity, t.seconds, t.env_step\n"
+          "  FROM r JOIN time_use t ON t.run_id = r.run_id AND t.env_step =\n"
+          "    (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)),\n"
+          "n AS (\n"
+          "  SELECT line, sum(env_step) AS env_steps\n"
+          "  FROM (SELECT DISTINCT line, run_id, env_step FROM u) GROUP BY line)\n"
+          "SELECT line, activity, 1000 * sum(seconds) / env_steps AS seconds_for_1000_env_steps\n"
+          "FROM u JOIN n USING (line) WHERE env_steps > 0 GROUP BY line, activity");
   }
 
   void Comparisons() {
@@ -310,9 +422,8 @@ class Page {
         Grouped(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
         " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
     for (const std::string& note : comparison.notes) Note(note);
-    HtmlTable(AggregateTable(comparison),
-              "Over " + std::to_string(comparison.tasks.size()) +
-                  (comparison.tasks.size() == 1 ? " task" : " tasks"));
+    HtmlTable(AggregateTable(comparison), "Over " + std::to_string(comparison.tasks.size()) +
+                                              (comparison.tasks.size() == 1 ? " task" : " tasks"));
     Picture(IntervalFigure(comparison),
             "Aggregate statistics with intervals; the table has the numbers", true);
     if (comparison.contenders.size() > 1) {
@@ -325,10 +436,15 @@ class Page {
     html_ << "<details><summary>Scores by task</summary>\n";
     HtmlTable(ScoreTable(comparison), "Normalised scores");
     html_ << "</details>\n";
-    Query(
-        "SELECT task, planner, seed, score, normalised FROM v_final\nWHERE phase = CASE planner "
-        "WHEN "
-        "'dreamer' THEN 2 ELSE 1 END ORDER BY task, planner, seed");
+    Query(RunsSql() +
+          "\nSELECT task, line, seed, avg(episode_return) AS score,\n"
+          "  (avg(episode_return) - return_low) / (return_high - return_low) AS normalised\n"
+          "FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
+          "  AND e.env_step <= env_steps_target AND 10 * e.env_step > 9 * env_steps_target\n"
+          "WHERE true" +
+          SqlIn("task", comparison.tasks) +
+          "\nGROUP BY r.run_id HAVING count(episode_return) > 0\n"
+          "ORDER BY task, line, seed");
   }
 
   void Runs() {
@@ -344,7 +460,8 @@ class Page {
     html_ << "<details><summary>All " << runs_.size() << " runs</summary>\n";
     HtmlTable(table, "Runs by their UUID");
     html_ << "</details>\n";
-    Query("SELECT * FROM v_run");
+    Query("SELECT * FROM v_run\nWHERE parent_run_id IS NULL AND env_steps_target > 0" +
+          Chosen("study", "task", "planner", "seed"));
   }
 
   void Settings() {
@@ -397,11 +514,17 @@ class Page {
     }
     HtmlTable(modules, "Plugins");
     Table machines = {{"host", "processor", "cores", "memory, MB", "system", "segments"}, {}};
-    for (const auto& database : databases_) {
-      Statement hosts = database->connection().Prepare(
-          "SELECT hostname, cpu, cores, memory_bytes / 1000000, os, count(*) FROM segment JOIN host"
-          " USING (host_id) GROUP BY host_id");
-      for (auto& row : ReadTable(&hosts).rows) machines.rows.push_back(std::move(row));
+    std::map<std::vector<Cell>, std::int64_t> segments;
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      Statement hosts = homes_[i]->connection().Prepare(
+          "SELECT hostname, cpu, cores, memory_bytes / 1000000, os FROM segment JOIN host"
+          " USING (host_id) WHERE run_id = ?1");
+      hosts.Bind(runs_[i].run_id);
+      for (const auto& row : ReadTable(&hosts).rows) ++segments[row];
+    }
+    for (const auto& [machine, count] : segments) {
+      machines.rows.push_back(machine);
+      machines.rows.back().emplace_back(count);
     }
     HtmlTable(machines, "Machines");
   }
@@ -412,7 +535,7 @@ class Page {
     for (const CurveAxis axis : {CurveAxis::kSeconds, CurveAxis::kTransitions}) {
       curves.axis = axis;
       others[axis] = ReadLines(databases_, curves);
-      Thin(&others[axis]);
+      Thin(points_, &others[axis]);
     }
     const auto spent = [&](CurveAxis axis, const Line& line, std::size_t run) -> ordered_json {
       for (const Line& other : others[axis]) {
