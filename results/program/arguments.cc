@@ -164,6 +164,13 @@ Selection Arguments::GetSelection() const {
   for (const std::string& seed : List("seed")) {
     selection.filter.seeds.push_back(ParseNumber(seed, "--seed", 0));
   }
+  for (const std::string& status : List("status")) {
+    try {
+      selection.filter.statuses.push_back(ParseRunStatus(status));
+    } catch (const Error& error) {
+      throw Error(kExitUsage, std::string("--status: ") + error.what());
+    }
+  }
   return selection;
 }
 
@@ -176,6 +183,27 @@ std::vector<std::unique_ptr<Database>> OpenSelected(const Selection& selection) 
   CheckNames(databases, "task", "SELECT name FROM task", selection.filter.tasks);
   CheckNames(databases, "planner", "SELECT DISTINCT planner FROM run", selection.filter.planners);
   return databases;
+}
+
+void CheckPublished(const std::vector<std::unique_ptr<Database>>& databases,
+                    const std::vector<std::string>& methods) {
+  if (methods.empty()) return;
+  std::set<std::string> known;
+  for (const auto& database : databases) {
+    Statement rows = database->connection().Prepare("SELECT DISTINCT method, obs FROM published");
+    while (rows.Step()) {
+      known.insert(rows.Text(0));
+      known.insert(rows.Text(0) + "/" + rows.Text(1));
+    }
+  }
+  for (const std::string& method : methods) {
+    if (known.count(method) > 0 || (method == "all" && !known.empty())) continue;
+    throw Error(kExitNoInput,
+                "--published: no '" + Printable(method) + "' in " + databases.front()->path() +
+                    (databases.size() > 1 ? " and the others" : "") + "." +
+                    KnownNames(method, {known.begin(), known.end()}) +
+                    (known.empty() ? " `results import` takes them from a file." : ""));
+  }
 }
 
 bool IsTablePath(const std::string& path) { return !FormOfPath(path).empty(); }

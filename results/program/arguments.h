@@ -11,7 +11,7 @@
 
 namespace dreamsearch::results {
 
-// What --db, --study, --env, --planner, --seed say.
+// What --db, --study, --env, --planner, --seed and, where there is one, --status say.
 struct Selection {
   std::vector<std::string> databases = {"results/dreamsearch.db"};
   RunFilter filter;
@@ -51,6 +51,11 @@ class Arguments {
   boost::program_options::positional_options_description positional_;
   boost::program_options::variables_map values_;
 };
+
+// Sees to it that every published method asked for, as METHOD, METHOD/OBS or all, was
+// imported into one of the databases; Error 66 naming those that are.
+void CheckPublished(const std::vector<std::unique_ptr<Database>>& databases,
+                    const std::vector<std::string>& methods);
 
 // Opens the databases for reading and sees to it that every name asked for is in
 // one of them; Error 2 naming those that are.

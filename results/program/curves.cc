@@ -6,6 +6,11 @@
 #include "results/program/commands.h"
 
 namespace dreamsearch::results {
+namespace {
+
+constexpr std::int64_t kMostSmooth = 999;
+
+}  // namespace
 
 int CurvesCommand(const Words& words) {
   Arguments arguments(
@@ -17,7 +22,7 @@ int CurvesCommand(const Words& words) {
   arguments.AddFilter();
   namespace po = boost::program_options;
   arguments.Add()("out", po::value<std::vector<std::string>>()->value_name("FILE"),
-                  "picture (.svg, .png, .pdf) or table of its points (.csv, .json, .md, .txt); "
+                  "picture (.svg, .png, .pdf) or table of its numbers (.csv, .json, .md, .txt); "
                   "may be given several times (default: curves.svg)")(
       "kind", po::value<std::string>()->default_value("tasks"),
       "tasks: a panel a task; mean: the mean over tasks; time: seconds by planner and activity")(
@@ -27,7 +32,8 @@ int CurvesCommand(const Words& words) {
       "interval", po::value<std::string>()->default_value("minmax"),
       "round the mean of 3 seeds or more: minmax, t95 (95 %, Student's t) or none")(
       "smooth", po::value<std::string>()->default_value("1"),
-      "moving mean of so many points, said on the axis; 1: none")("log-x", "a logarithmic x axis")(
+      "centred moving mean of so many points, an odd number, said on the axis; 1: none")(
+      "log-x", "a logarithmic x axis")(
       "published", po::value<std::vector<std::string>>()->value_name("LIST"),
       "imported curves to draw beside: methods, as METHOD or METHOD/OBS, or all; the x axis "
       "ends with our runs, with --log-x it has all of them")(
@@ -42,8 +48,14 @@ int CurvesCommand(const Words& words) {
   request.phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
   request.axis = ParseCurveAxis(arguments.Get<std::string>("x"));
   request.log_x = arguments.Has("log-x");
-  request.smooth =
-      static_cast<int>(ParseNumber(arguments.Get<std::string>("smooth"), "--smooth", 1));
+  const std::int64_t smooth = ParseNumber(arguments.Get<std::string>("smooth"), "--smooth", 1);
+  if (smooth % 2 == 0 || smooth > kMostSmooth) {
+    throw Error(kExitUsage, "--smooth: expected an odd number of points from 1 to " +
+                                std::to_string(kMostSmooth) +
+                                ", as many on either side of each, found " +
+                                std::to_string(smooth));
+  }
+  request.smooth = static_cast<int>(smooth);
   request.published = arguments.List("published");
   const CurveInterval interval = ParseCurveInterval(arguments.Get<std::string>("interval"));
   const std::string kind = arguments.Get<std::string>("kind");
@@ -56,18 +68,19 @@ int CurvesCommand(const Words& words) {
   }
 
   const auto databases = OpenSelected(selection);
+  CheckPublished(databases, request.published);
   const std::vector<Line> lines = ReadLines(databases, request);
-  if (lines.empty()) {
-    throw Error(kExitNoInput,
-                databases.front()->path() + ": holds no runs of that kind. See `results list`.");
-  }
+  if (lines.empty()) throw Error(kExitNoInput, NothingToGroup(databases, selection.filter));
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)
                                    : TimeByPlanner(databases, selection.filter);
   figure.title = arguments.Get<std::string>("title");
   for (const std::string& out : outs) {
     if (IsTablePath(out)) {
-      PrintTable(CurveTable(lines), "text", out);
+      PrintTable(kind == "tasks"  ? CurveTable(lines)
+                 : kind == "mean" ? OverTasksTable(lines)
+                                  : TimeTable(databases, selection.filter),
+                 "text", out);
       continue;
     }
     Draw(figure, out);

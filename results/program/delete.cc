@@ -1,4 +1,5 @@
 // results delete - deletes runs and all they recorded.
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 
@@ -28,10 +29,7 @@ int DeleteCommand(const Words& words) {
       "files", "delete the runs' checkpoints and logs as well");
   arguments.AddPositional("run", true);
   if (!arguments.Parse(words)) return kExitOk;
-  Selection selection = arguments.GetSelection();
-  for (const std::string& status : arguments.List("status")) {
-    selection.filter.statuses.push_back(ParseRunStatus(status));
-  }
+  const Selection selection = arguments.GetSelection();
   const RunFilter& filter = selection.filter;
   const bool chosen = !filter.studies.empty() || !filter.tasks.empty() ||
                       !filter.planners.empty() || !filter.seeds.empty() || !filter.statuses.empty();
@@ -51,27 +49,46 @@ int DeleteCommand(const Words& words) {
       runs.push_back(database->GetRun(name));
     }
   }
-  for (const RunInfo& run : runs) {
-    if (IsActive(run)) {
-      throw Error(kExitUsage, database->path() + ": run " + std::to_string(run.run_id) +
-                                  " is running; stop it first. Nothing was deleted.");
+  // What goes with them.
+  const std::size_t named = runs.size();
+  for (RunInfo& run : database->ListRuns()) {
+    const auto is = [](std::int64_t run_id) {
+      return [run_id](const RunInfo& other) { return other.run_id == run_id; };
+    };
+    if (!run.parent_run_id || std::any_of(runs.begin(), runs.end(), is(run.run_id)) ||
+        std::none_of(runs.begin(), runs.end(), is(*run.parent_run_id))) {
+      continue;
     }
+    runs.push_back(std::move(run));
+  }
+  for (const RunInfo& run : runs) {
+    if (!IsActive(run)) continue;
+    throw Error(kExitUsage, database->path() + ": run " + std::to_string(run.run_id) +
+                                (run.parent_run_id ? ", an evaluation of run " +
+                                                         std::to_string(*run.parent_run_id) + ","
+                                                   : "") +
+                                " is running; stop it first. Nothing was deleted.");
   }
   const bool yes = arguments.Has("yes");
   for (const RunInfo& run : runs) {
+    // It may have gone with a run it evaluates.
+    if (yes && database->GetRun(run.run_id)) database->DeleteRun(run.run_id);
     std::cout << (yes ? "deleted" : "would delete") << " run " << run.run_id << "  "
               << run.uuid.substr(0, 8) << "  " << Printable(run.study) << "  "
               << Printable(run.task) << "  " << Printable(run.planner) << "  seed " << run.seed
-              << "  " << RunStatusName(run.status) << "\n";
-    if (!yes) continue;
-    // It may have gone with a run it evaluated.
-    if (database->GetRun(run.run_id)) database->DeleteRun(run.run_id);
-    if (arguments.Has("files") && IsUuid(run.uuid)) {
+              << "  " << RunStatusName(run.status);
+    if (run.parent_run_id) std::cout << "  evaluation of run " << *run.parent_run_id;
+    std::cout << "\n";
+    if (yes && arguments.Has("files") && IsUuid(run.uuid)) {
       std::error_code error;
       const std::string folder = database->RunFolder(run);
       std::filesystem::remove_all(folder, error);
       if (error) std::cerr << "warning: " << folder << ": " << error.message() << "\n";
     }
+  }
+  if (runs.size() > named) {
+    std::cerr << runs.size() << " runs, " << runs.size() - named
+              << " of them evaluations that go with the run they are of\n";
   }
   if (!yes) std::cerr << "nothing was deleted; --yes deletes\n";
   return kExitOk;

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <optional>
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
@@ -10,18 +11,19 @@
 namespace dreamsearch::results {
 namespace {
 
-// What can be exported as rows; each takes a run_id and names the run's task,
-// planner and seed in front.
-const std::map<std::string, const char*>& Queries() {
-  static const std::map<std::string, const char*> queries = {
+// What can be exported as rows; each takes a run_id, and where there is a column
+// `phase` a phase or NULL, and names the run's task, planner and seed in front.
+const std::map<std::string, std::string>& Queries() {
+  static const std::map<std::string, std::string> queries = {
       {"curves",
        "SELECT study, task, planner, model, seed, phase, env_step, mean, episodes FROM v_curve_run"
-       " WHERE run_id = ?1 ORDER BY phase, env_step"},
+       " WHERE run_id = ?1 AND phase = ifnull(?2, phase) ORDER BY phase, env_step"},
       {"episodes",
        "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, e.* FROM episode e"
        " JOIN run r USING (run_id) JOIN study s USING (study_id) JOIN task t USING (task_id)"
-       " WHERE e.run_id = ?1 ORDER BY e.phase, e.episode"},
-      {"finals", "SELECT * FROM v_final WHERE run_id = ?1 ORDER BY phase"},
+       " WHERE e.run_id = ?1 AND e.phase = ifnull(?2, e.phase) ORDER BY e.phase, e.episode"},
+      {"finals",
+       "SELECT * FROM v_final WHERE run_id = ?1 AND phase = ifnull(?2, phase) ORDER BY phase"},
       {"runs", "SELECT * FROM v_run WHERE run_id = ?1"},
       {"scalars",
        "SELECT s.name AS study, t.name AS task, r.planner, r.model, r.seed, x.run_id,"
@@ -40,6 +42,8 @@ const std::map<std::string, const char*>& Queries() {
   return queries;
 }
 
+bool HasPhase(const std::string& sql) { return sql.find("?2") != std::string::npos; }
+
 // A name as part of a path: nothing that leads out of the folder.
 std::string FileName(const std::string& name) {
   std::string file;
@@ -52,7 +56,8 @@ std::string FileName(const std::string& name) {
 }
 
 void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter,
-               const char* sql, bool csv, const std::string& out) {
+               const std::string& sql, std::optional<CurvePhase> phase, bool csv,
+               const std::string& out) {
   std::unique_ptr<OutputFile> file;
   if (!out.empty()) file = std::make_unique<OutputFile>(out);
   const auto write = [&file](const std::string& line) {
@@ -70,7 +75,13 @@ void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const Ru
     if (csv && first) write(CsvLine({columns.begin(), columns.end()}));
     first = false;
     for (const RunInfo& run : database->ListRuns(filter)) {
-      rows.Bind(run.run_id);
+      if (HasPhase(sql)) {
+        rows.Bind(run.run_id, phase ? std::optional<std::int64_t>(
+                                          PhaseOf(database->connection(), run.run_id, *phase))
+                                    : std::nullopt);
+      } else {
+        rows.Bind(run.run_id);
+      }
       while (rows.Step()) {
         write(csv ? CsvLine(ReadCells(rows)) : JsonLine(columns, ReadCells(rows)));
       }
@@ -96,8 +107,9 @@ int ExportCommand(const Words& words) {
                   "csv, jsonl, dreamer or tdmpc2")(
       "rows", po::value<std::string>()->default_value("episodes"),
       "for csv and jsonl: curves, episodes, finals, runs, scalars, steps or times")(
-      "phase", po::value<std::string>()->default_value("evaluation"),
-      "for dreamer and tdmpc2: evaluation, training (0), search (1) or actor (2)")(
+      "phase", po::value<std::string>()->value_name("PHASE"),
+      "evaluation, training (0), search (1) or actor (2); for dreamer and tdmpc2 and for rows of "
+      "curves, episodes and finals (default: evaluation; for rows all)")(
       "out", po::value<std::string>()->default_value("")->value_name("FILE"),
       "a file, for tdmpc2 a folder; otherwise standard output");
   if (!arguments.Parse(words)) return kExitOk;
@@ -111,14 +123,19 @@ int ExportCommand(const Words& words) {
     for (const auto& [name, sql] : Queries()) known.push_back(name);
     throw Error(kExitUsage, "no rows '" + rows + "'." + KnownNames(rows, known));
   }
-  const CurvePhase phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
+  std::optional<CurvePhase> phase;
+  if (arguments.Has("phase")) phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
+  const bool as_rows = format == "csv" || format == "jsonl";
+  if (as_rows && phase && !HasPhase(query->second)) {
+    throw Error(kExitUsage, "--phase: rows of '" + rows + "' have no phase");
+  }
   const auto databases = OpenSelected(selection);
-  if (format == "csv" || format == "jsonl") {
-    WriteRows(databases, selection.filter, query->second, format == "csv", out);
+  if (as_rows) {
+    WriteRows(databases, selection.filter, query->second, phase, format == "csv", out);
     return kExitOk;
   }
-  const std::vector<Line> lines =
-      ReadLines(databases, {.filter = selection.filter, .phase = phase});
+  const std::vector<Line> lines = ReadLines(
+      databases, {.filter = selection.filter, .phase = phase.value_or(CurvePhase::kEvaluation)});
   if (format == "dreamer") {
     if (out.empty()) {
       std::cout << DreamerScores(lines);
@@ -145,7 +162,8 @@ int ExportCommand(const Words& words) {
     }
     WriteFile((folder / (task + ".csv")).string(), TdmpcScores(line));
   }
-  std::cerr << "wrote " << lines.size() << " files below " << AbsolutePath(out) << "\n";
+  std::cerr << "wrote " << lines.size() << (lines.size() == 1 ? " file" : " files") << " below "
+            << AbsolutePath(out) << "\n";
   return kExitOk;
 }
 

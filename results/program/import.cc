@@ -1,11 +1,36 @@
 // results import - published curves, to be drawn beside ours.
 #include <iostream>
+#include <set>
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 #include "results/published.h"
 
 namespace dreamsearch::results {
+namespace {
+
+// "hopper_hop, humanoid_run": tasks that no run of the database is of, and so no
+// figure; nothing for a database without runs.
+std::string UnknownTasks(Database* database, const std::vector<PublishedPoint>& points) {
+  constexpr std::size_t kShown = 5;
+  std::set<std::string> known, unknown;
+  Statement rows = database->connection().Prepare("SELECT name FROM task");
+  while (rows.Step()) known.insert(rows.Text(0));
+  for (const PublishedPoint& point : points) {
+    if (known.count(point.task) == 0) unknown.insert(point.task);
+  }
+  if (known.empty()) return "";
+  std::string text;
+  std::size_t shown = 0;
+  for (const std::string& task : unknown) {
+    if (shown++ == kShown)
+      return text + " and " + std::to_string(unknown.size() - kShown) + " more";
+    text += (text.empty() ? "" : ", ") + Printable(task);
+  }
+  return text;
+}
+
+}  // namespace
 
 int ImportCommand(const Words& words) {
   Arguments arguments(
@@ -43,6 +68,10 @@ int ImportCommand(const Words& words) {
   const auto database = Database::OpenOrCreate(selection.databases.front());
   for (const auto& [file, points] : files) {
     StorePublished(database.get(), points);
+    const std::string unknown = UnknownTasks(database.get(), points);
+    if (!unknown.empty()) {
+      std::cerr << "note: " << AbsolutePath(file) << ": no run here is of " << unknown << "\n";
+    }
     std::cout << AbsolutePath(file) << ": " << Grouped(static_cast<std::int64_t>(points.size()))
               << " points\n";
   }

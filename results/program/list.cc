@@ -1,9 +1,14 @@
 // results list - runs, one line each.
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <iostream>
+#include <sstream>
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/run_groups.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -13,6 +18,28 @@ std::string Percent(const RunInfo& run) {
   return Grouped(run.env_steps_done) + " / " + Grouped(run.env_steps_target);
 }
 
+double FourDigits(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return std::strtod(text, nullptr);
+}
+
+// With long values, such as digests, cut short; `results show` has them whole.
+std::string Brief(const std::string& settings) {
+  constexpr std::size_t kLongest = 32;
+  std::istringstream parts(ShortLabel(settings));
+  std::string text, part;
+  while (parts >> part) {
+    if (Width(part) > kLongest) {
+      std::size_t end = kLongest - 3;
+      while (end > 0 && (static_cast<unsigned char>(part[end]) & 0xc0) == 0x80) --end;
+      part = part.substr(0, end) + "...";
+    }
+    text += (text.empty() ? "" : " ") + part;
+  }
+  return text;
+}
+
 // The mean return of the newest evaluation, with search where there is one.
 Cell LastEvaluation(Connection& db, std::int64_t run_id) {
   for (const int phase : {1, 2}) {
@@ -20,7 +47,8 @@ Cell LastEvaluation(Connection& db, std::int64_t run_id) {
         "SELECT avg(episode_return) FROM episode WHERE run_id = ?1 AND phase = ?2 AND env_step ="
         " (SELECT env_step FROM episode WHERE run_id = ?1 AND phase = ?2 ORDER BY episode DESC"
         " LIMIT 1)");
-    if (last.Bind(run_id, phase).Step() && !last.IsNull(0)) return last.Real(0);
+    // Four digits are more than a single evaluation is good for.
+    if (last.Bind(run_id, phase).Step() && !last.IsNull(0)) return FourDigits(last.Real(0));
   }
   return {};
 }
@@ -36,7 +64,9 @@ Cell Seconds(Connection& db, std::int64_t run_id) {
 }  // namespace
 
 int ListCommand(const Words& words) {
-  Arguments arguments("list", "[options]", "Lists runs, one line each, oldest first.");
+  Arguments arguments("list", "[options]",
+                      "Lists runs, one line each, oldest first. `settings` are those in which a\n"
+                      "planner's runs of a task differ.");
   arguments.AddDatabase();
   arguments.AddFilter();
   namespace po = boost::program_options;
@@ -47,13 +77,10 @@ int ListCommand(const Words& words) {
       "format", po::value<std::string>()->default_value("text"), "text, markdown, csv or json")(
       "out", po::value<std::string>()->default_value(""), "a file (.txt, .md, .csv, .json)");
   if (!arguments.Parse(words)) return kExitOk;
-  Selection selection = arguments.GetSelection();
-  for (const std::string& status : arguments.List("status")) {
-    try {
-      selection.filter.statuses.push_back(ParseRunStatus(status));
-    } catch (const Error& error) {
-      throw Error(kExitUsage, std::string("--status: ") + error.what());
-    }
+  const Selection selection = arguments.GetSelection();
+  const RunFilter& filter = selection.filter;
+  if (arguments.Has("missing") && !filter.statuses.empty()) {
+    throw Error(kExitUsage, "list: what is --missing has no --status; expected one of the two");
   }
   const auto databases = OpenSelected(selection);
   const bool several = databases.size() > 1;
@@ -65,21 +92,36 @@ int ListCommand(const Words& words) {
       Statement rows = database->connection().Prepare(
           "SELECT study, task, planner, model, seed FROM v_matrix WHERE status = 'missing'"
           " ORDER BY study, task, planner, model, seed");
-      for (auto& row : ReadTable(&rows).rows) table.rows.push_back(std::move(row));
+      const auto wanted = [](const auto& list, const auto& value) {
+        return list.empty() || std::find(list.begin(), list.end(), value) != list.end();
+      };
+      while (rows.Step()) {
+        if (!wanted(filter.studies, rows.Text(0)) || !wanted(filter.tasks, rows.Text(1)) ||
+            !wanted(filter.planners, rows.Text(2)) || !wanted(filter.seeds, rows.Int(4))) {
+          continue;
+        }
+        table.rows.push_back(ReadCells(rows));
+      }
     }
   } else {
-    table.columns = {"run",  "uuid",   "study",     "task",       "planner", "model",
+    table.columns = {"run",  "uuid",   "study",     "task",       "planner", "settings", "model",
                      "seed", "status", "env steps", "last eval.", "seconds", "note"};
     if (several) table.columns.emplace_back("database");
     for (const auto& database : databases) {
-      for (const RunInfo& run : database->ListRuns(selection.filter)) {
+      const std::vector<RunInfo> runs = database->ListRuns(filter);
+      std::vector<const RunInfo*> pointers;
+      for (const RunInfo& run : runs) pointers.push_back(&run);
+      const std::vector<std::string> settings = SettingLabels(pointers);
+      for (std::size_t i = 0; i < runs.size(); ++i) {
+        const RunInfo& run = runs[i];
         std::string note = run.error;
         if (run.parent_run_id) {
           note = "of run " + std::to_string(*run.parent_run_id) + (note.empty() ? "" : "; ") + note;
         }
         table.rows.push_back({run.run_id, run.uuid.substr(0, 8), run.study, run.task, run.planner,
-                              run.model, run.seed, std::string(RunStatusName(run.status)),
-                              Percent(run), LastEvaluation(database->connection(), run.run_id),
+                              Brief(settings[i]), run.model, run.seed,
+                              std::string(RunStatusName(run.status)), Percent(run),
+                              LastEvaluation(database->connection(), run.run_id),
                               Seconds(database->connection(), run.run_id), note});
         if (several) table.rows.back().emplace_back(database->path());
       }

@@ -38,6 +38,7 @@ int ReportCommand(const Words& words) {
   request.bootstrap_seed = static_cast<std::uint64_t>(
       ParseNumber(arguments.Get<std::string>("bootstrap-seed"), "--bootstrap-seed", 0));
   const auto databases = OpenSelected(selection);
+  CheckPublished(databases, request.published);
   WriteFile(file, ReportPage(databases, request));
   std::cerr << "wrote " << AbsolutePath(file) << "\n";
   return kExitOk;

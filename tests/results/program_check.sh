@@ -40,6 +40,11 @@ expect 65 "is empty" "$results" list --db "$folder/empty.db"
 expect 0 "walker_walk" "$results" list --db "$database"
 expect 0 '"planner"' "$results" list --db "$database" --format json
 expect 0 "Settings" "$results" show 1 --db "$database"
+if "$results" list --db "$database" --format json | grep '"last eval."' | grep -q '[0-9.]\{6\}'; then
+  failures=$((failures + 1)); echo "FAILED: an evaluation of more than four digits"
+fi
+expect 0 "nothing is missing" "$results" list --db "$database" --missing
+expect 2 "one of the two" "$results" list --db "$database" --missing --status failed
 expect 66 "no run 'zzzz'" "$results" show zzzz --db "$database"
 
 expect 0 "wrote" "$results" curves --db "$database" --out "$folder/a.svg" --out "$folder/a.png" --out "$folder/a.csv"
@@ -51,6 +56,16 @@ expect 73 "cannot be created" "$results" curves --db "$database" --out "$folder/
 expect 2 "no phase" "$results" curves --db "$database" --phase 9
 expect 0 "wrote" "$results" curves --db "$database" --kind mean --x seconds --out "$folder/b.svg"
 expect 0 "wrote" "$results" curves --db "$database" --kind time --out "$folder/c.svg"
+# The table of the figure that is drawn.
+expect 0 "wrote" "$results" curves --db "$database" --kind mean --out "$folder/mean.csv"
+expect 0 "^line,env_step,x,mean,lo,hi,n" head -1 "$folder/mean.csv"
+expect 0 "wrote" "$results" curves --db "$database" --kind time --out "$folder/time.csv"
+expect 0 "^line,runs,activity,seconds_for_1000_env_steps" head -1 "$folder/time.csv"
+for points in 2 0 1001 9223372036854775807 x; do
+  expect 2 "--smooth" "$results" curves --db "$database" --smooth $points --out "$folder/d.svg"
+done
+expect 0 "wrote" "$results" curves --db "$database" --smooth 3 --out "$folder/d.svg"
+expect 66 "There are none" "$results" curves --db "$database" --published all --out "$folder/d.svg"
 # Not the picture of before under a new name: a changed request is a changed picture.
 if cmp -s "$folder/a.svg" "$folder/b.svg"; then failures=$((failures + 1)); echo "FAILED: equal pictures"; fi
 
@@ -77,6 +92,29 @@ expect 0 "would delete run 1" "$results" delete 1 --db "$folder/copy.db"
 expect 0 "walker_walk" "$results" show 1 --db "$folder/copy.db"
 expect 0 "deleted run 1" "$results" delete 1 --yes --db "$folder/copy.db"
 expect 66 "no run '1'" "$results" show 1 --db "$folder/copy.db"
+expect 2 "no run status" "$results" delete --status gone --db "$folder/copy.db"
+expect 2 "no run status" "$results" list --status gone --db "$folder/copy.db"
+# With a run go its evaluations, named and counted, and their files; unless one is active.
+sqlite3 "$folder/copy.db" "INSERT INTO run SELECT 900, '00000000-0000-4000-8000-000000000900', study_id, task_id, planner, model,
+  env_plugin, model_plugin, planner_plugin, config_id, preset, seed, action_repeat, 0, 0, 'running', 2, log_path, NULL, '', argv,
+  build_id, created_utc, NULL, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), NULL FROM run WHERE run_id = 2"
+files="$folder/copy.db.files/00000000-0000-4000-8000-000000000900"
+mkdir -p "$files"
+expect 2 "run 900, an evaluation of run 2, is running" "$results" delete 2 --yes --db "$folder/copy.db"
+sqlite3 "$folder/copy.db" "UPDATE run SET status = 'failed' WHERE run_id = 900"
+expect 0 "would delete run 900 .*evaluation of run 2" "$results" delete 2 --db "$folder/copy.db"
+expect 0 "2 runs, 1 of them evaluations" "$results" delete 2 --files --yes --db "$folder/copy.db"
+expect 66 "no run '900'" "$results" show 900 --db "$folder/copy.db"
+if [ -d "$files" ]; then failures=$((failures + 1)); echo "FAILED: files of an evaluation stay"; fi
+# What is missing, of what was asked for.
+expect 0 "dreamer" "$results" list --missing --planner dreamer --db "$folder/copy.db"
+expect 0 "nothing is missing" "$results" list --missing --planner rollout --db "$folder/copy.db"
+# Settings that tell runs apart, without the path that they share.
+sqlite3 "$folder/copy.db" "INSERT INTO config VALUES (900, 'x', '{\"run\":{\"depth\":3}}');
+  UPDATE run SET config_id = 900 WHERE run_id = 3"
+expect 0 " depth=3 " "$results" list --db "$folder/copy.db"
+sqlite3 "$folder/copy.db" "UPDATE config SET json = '{\"run\":{\"sha\":\"' || hex(zeroblob(32)) || '\"}}' WHERE config_id = 900"
+expect 0 ' sha="000000000000000000000000\.\.\. ' "$results" list --db "$folder/copy.db"
 expect 2 "expected either" "$results" delete --yes --db "$folder/copy.db"
 
 for format in csv jsonl dreamer; do
@@ -85,8 +123,18 @@ done
 for rows in curves episodes finals runs scalars steps times; do
   expect 0 "" "$results" export --db "$database" --rows $rows --out "$folder/rows"
 done
+for rows in curves episodes finals; do
+  "$results" export --db "$database" --rows $rows --phase evaluation --out "$folder/some" 2>/dev/null
+  "$results" export --db "$database" --rows $rows --out "$folder/every" 2>/dev/null
+  if [ "$(wc -l < "$folder/some")" -ge "$(wc -l < "$folder/every")" ]; then
+    failures=$((failures + 1)); echo "FAILED: --phase leaves out no $rows"
+  fi
+done
+expect 2 "rows of 'steps' have no phase" "$results" export --db "$database" --rows steps --phase 1
 expect 0 "points" "$results" import "$folder/out.dreamer" --db "$folder/imported.db"
+expect 66 "Did you mean .dreamer" "$results" curves --db "$folder/imported.db" --published dremer --out "$folder/d.svg"
 expect 0 "files below" "$results" export --db "$database" --format tdmpc2 --out "$folder/scores"
+expect 0 "wrote 1 file below" "$results" export --db "$database" --format tdmpc2 --env walker_walk --planner rollout --out "$folder/score"
 expect 0 "points" "$results" import "$folder/scores/rollout/walker-walk.csv" --db "$folder/imported.db"
 expect 0 "rollout" "$results" sql "SELECT DISTINCT method FROM published" --db "$folder/imported.db"
 printf 'step,reward,seed\n1,x,0\n' > "$folder/bad.csv"
