@@ -59,7 +59,9 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   job.work.run_id = run.run_id;
   job.work.folder = database->RunFolder(run);
   // A repetition by `runner verify` has its trained run in another database.
-  if (KeyOf(spec).parent_run_id) job.work.agent_checkpoint = AgentCheckpoint(database, spec);
+  if (spec.evaluation && spec.evaluation->parent_run_id != 0) {
+    job.work.agent_checkpoint = AgentCheckpoint(database, spec);
+  }
   job.work.memory_limit_bytes = options.memory_limit_bytes;
   job.work.log_decisions = options.log_decisions;
   job.work.record_trees = options.record_trees;

@@ -353,10 +353,10 @@ std::string Database::RunFolder(const RunInfo& run) const {
   const std::filesystem::path recorded =
       (std::filesystem::path(path()).parent_path() / run.log_path).lexically_normal().parent_path();
   const std::string beside = NewRunFolder(run.uuid);
-  // The database may have been renamed, and its files with it.
-  const bool moved = !std::filesystem::exists(recorded) && std::filesystem::exists(beside);
-  // A path is data: it names no folder but the run's own.
-  return moved || recorded.filename() != run.uuid ? beside : recorded.string();
+  // A database that was copied or renamed with its files keeps to them. A path is data:
+  // it names no folder but the run's own.
+  const bool own = std::filesystem::exists(beside) || recorded.filename() != run.uuid;
+  return own ? beside : recorded.string();
 }
 
 std::string Database::RelativePath(const std::string& file) const {

@@ -199,8 +199,8 @@ class Database {
   const std::vector<std::string>& warnings() const { return warnings_; }
   Connection& connection() { return *connection_; }
 
-  // Checkpoints, logs and dumps of a run: the folder of its log. That is
-  // "<path>.files/<uuid>", of a merged run where its first database had it. Not created
+  // Checkpoints, logs and dumps of a run: "<path>.files/<uuid>", or if that is not there
+  // the folder of its log, which of a merged run is where its source had it. Not created
   // here.
   std::string RunFolder(const RunInfo& run) const;
   // A path below the database's folder as it is stored; others stay as they are.

@@ -479,7 +479,7 @@ TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
     writer.AddScalar(2, writer.Metric("m"), 1);
     writer.AddTimeUse(2, "other", 1);
     writer.AddEvent(2, "info", "x", "");
-    writer.AddArtifact(db->RunFolder(*db->GetRun(run)) + "/ckpt", "checkpoint", 2, 10, "00");
+    writer.AddArtifact(db->path() + ".files/u/ckpt", "checkpoint", 2, 10, "00");
     writer.Commit();
   }
   db->DeleteRun(doomed);
