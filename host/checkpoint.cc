@@ -144,7 +144,7 @@ std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest() const {
     }
   }
   if (skipped.empty()) return std::nullopt;
-  std::string message = "no whole checkpoint is left; start over with --replace.";
+  std::string message = "no whole checkpoint is left; start over with --retry --replace.";
   for (const std::string& why : skipped) message += "\n  " + why;
   throw RunnerError(ExitCode::kBadInput, message);
 }

@@ -180,8 +180,9 @@ int EvalCommand(const std::vector<std::string>& arguments) {
       failed_before = FailureCode(*database->GetRun(run.run_id));
     }
     if (run.action == Action::kSkipFinished) ++finished;
-    if (run.action == Action::kSkipFailed || run.action == Action::kSkipActive) {
-      std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
+    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
+      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
+                << RunLabel(run.spec) << ": " << run.note << "\n";
     }
   }
   std::vector<std::string> argv = {"runner", "eval"};
@@ -195,7 +196,8 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
     std::cerr << "the same command goes on\n";
   }
-  return result.exit_status != 0 ? result.exit_status : failed_before;
+  const int status = SweepStatus(planned, result);
+  return status != 0 ? status : failed_before;
 }
 
 }  // namespace dreamsearch

@@ -35,6 +35,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
   }
   const auto database = results::Database::OpenExisting(options.db.string());
   std::vector<results::RunInfo> runs = database->ListRuns();
+  bool one = false;  // named by itself
   if (what != "all") {
     const bool is_study = std::any_of(runs.begin(), runs.end(),
                                       [&](const auto& run) { return run.study == what; });
@@ -42,10 +43,12 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
       std::erase_if(runs, [&](const auto& run) { return run.study != what; });
     } else {
       runs = {database->GetRun(what)};
+      one = true;
     }
   }
   std::vector<SweepJob> jobs;
-  int found = 0;  // by a dry run
+  int found = 0;    // by a dry run
+  int refused = 0;  // exit status of the first run that was
   for (const results::RunInfo& run : runs) {
     const bool failed = run.status == results::RunStatus::kFailed ||
                         run.status == results::RunStatus::kCrashed ||
@@ -53,6 +56,15 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
     if (RunIsLocked(database->RunFolder(run))) {
       std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";
+      continue;
+    }
+    SweepJob job;
+    try {
+      job = RecordedJob(database.get(), options, run);
+    } catch (const RunnerError& error) {
+      if (one) throw;
+      std::cerr << "refused: " << error.what() << "\n";
+      if (refused == 0) refused = error.exit_status();
       continue;
     }
     if (options.dry_run) {
@@ -63,19 +75,21 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
       ++found;
       continue;
     }
-    SweepJob job = RecordedJob(database.get(), options, run);
     job.work.force = force;
     jobs.push_back(std::move(job));
   }
   if (found > 0) {
     std::cerr << "nothing was run or written\n";
-    return 0;
+    return refused;
   }
   if (jobs.empty()) {
-    std::cerr << "nothing to resume in " << database->path() << "\n";
-    return 0;
+    std::cerr << (refused == 0 ? "nothing to resume in " : "nothing else to resume in ")
+              << database->path() << "\n";
+    return refused;
   }
-  return RunSweep(database.get(), options, std::move(jobs)).exit_status;
+  const int status = RunSweep(database.get(), options, std::move(jobs)).exit_status;
+  const bool stopped = status == static_cast<int>(ExitCode::kInterrupted);
+  return refused != 0 && !stopped ? refused : status;
 }
 
 }  // namespace dreamsearch

@@ -29,12 +29,9 @@ const char* ActionText(Action action) {
     case Action::kSkipFinished: return "skip, finished";
     case Action::kSkipFailed: return "skip, failed";
     case Action::kSkipActive: return "skip, active";
+    case Action::kRefused: return "refuse";
   }
   return "";
-}
-
-bool IsWork(Action action) {
-  return action == Action::kStart || action == Action::kResume || action == Action::kStartOver;
 }
 
 // Probes each combination of components once.
@@ -141,7 +138,7 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
             << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
             << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n"
             << "times were measured here just now; nothing was run or written\n";
-  return 0;
+  return SweepStatus(runs, {});
 }
 
 // How to call another program of this installation from the current folder.
@@ -196,7 +193,8 @@ int RunCommand(const std::vector<std::string>& arguments) {
       failed_before = FailureCode(*database->GetRun(run.run_id));
     }
     if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
-      std::cerr << "left alone: " << RunLabel(run.spec) << ": " << run.note << "\n";
+      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
+                << RunLabel(run.spec) << ": " << run.note << "\n";
     }
   }
   std::cerr << planned.size() << " runs:";
@@ -236,7 +234,8 @@ int RunCommand(const std::vector<std::string>& arguments) {
               << "      " << ProgramPath("results") << " curves --db " << db
               << " --out curves.svg\n";
   }
-  return result.exit_status != 0 ? result.exit_status : failed_before;
+  const int status = SweepStatus(planned, result);
+  return status != 0 ? status : failed_before;
 }
 
 }  // namespace dreamsearch

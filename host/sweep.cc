@@ -1,5 +1,6 @@
 #include "sweep.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -7,13 +8,51 @@
 #include "catalogue.h"
 #include "checkpoint.h"
 #include "provenance.h"
+#include "whole_file.h"
 
 namespace dreamsearch {
 namespace {
 
+// A run's RunSpec as JSON, and with these keys what it records.
 constexpr char kSpecFile[] = "run.json";
+constexpr char kLogDecisions[] = "log_decisions";
+constexpr char kRecordTrees[] = "record_trees";
 
-// Which of the run's plugins is not the one it was begun with; empty if none.
+// The run.json in a run's folder; not an object if it is gone or damaged.
+nlohmann::json ReadSpec(const std::filesystem::path& folder) {
+  std::ifstream file(folder / kSpecFile);
+  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  return nlohmann::json::parse(text, nullptr, false);
+}
+
+// A member if it is there and of that type.
+bool Flag(const nlohmann::json& json, const char* key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_boolean() && found->get<bool>();
+}
+std::string Text(const nlohmann::json& json, const std::string& key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+std::string PluginChange(const PluginInfo& now, const std::string& then) {
+  return "plugin " + now.name + " changed (" + now.path + ": SHA-256 " +
+         (then.empty() ? "of another plugin" : then.substr(0, 12)) + " then, " +
+         now.sha256.substr(0, 12) + " now)";
+}
+
+// Which of the run's plugins is not the one it was begun with; empty if none. `then`:
+// SHA-256 by name, as in a checkpoint's header.
+std::string ChangedPlugin(const nlohmann::json& then, const RunSpec& spec) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    const PluginInfo& now = component->info->plugin;
+    const std::string before = Text(then, now.name);
+    if (before != now.sha256) return PluginChange(now, before);
+  }
+  return "";
+}
+
+// The same by the run's row, which knows three of them.
 std::string ChangedPlugin(results::Database* database, const results::RunInfo& run,
                           const RunSpec& spec) {
   const std::pair<std::optional<std::int64_t>, const ResolvedComponent*> plugins[] = {
@@ -22,14 +61,46 @@ std::string ChangedPlugin(results::Database* database, const results::RunInfo& r
       {run.planner_plugin, &spec.planner}};
   for (const auto& [plugin_id, component] : plugins) {
     if (!plugin_id) continue;
-    const results::PluginInfo stored = database->GetPlugin(*plugin_id);
+    const std::string before = database->GetPlugin(*plugin_id).sha256;
     const PluginInfo& now = component->info->plugin;
-    if (stored.sha256 != now.sha256) {
-      return "plugin " + now.name + " changed (" + now.path + ": SHA-256 " +
-             stored.sha256.substr(0, 12) + " then, " + now.sha256.substr(0, 12) + " now)";
-    }
+    if (before != now.sha256) return PluginChange(now, before);
   }
   return "";
+}
+
+// Why an unfinished run cannot go on; empty if nothing is known against it. Reading the
+// checkpoints takes long, so it is for the worker to find them damaged unless they are
+// to be given up (`replace`) or alone can tell which plugins the run was begun with.
+std::string WhyNotResumable(results::Database* database, const results::RunInfo& run,
+                            const RunSpec& spec, bool replace) {
+  if (std::string changed = ChangedPlugin(database, run, spec); !changed.empty()) return changed;
+  const std::filesystem::path folder = database->RunFolder(run);
+  bool recorded = false;
+  try {
+    nlohmann::json then = nlohmann::json::object();
+    const RunSpec before = RunSpecFromJson(ReadSpec(folder));
+    for (const ResolvedComponent* component : ComponentsOf(before)) {
+      then[component->info->plugin.name] = component->info->plugin.sha256;
+    }
+    if (std::string changed = ChangedPlugin(then, spec); !changed.empty()) return changed;
+    recorded = true;
+  } catch (const RunnerError&) {
+    // No readable run.json: its process was killed before it was there. It is written anew.
+  }
+  if (recorded && !replace) return "";
+  try {
+    auto loaded = CheckpointFolder(folder).LoadNewest();
+    if (!loaded) return "";
+    const nlohmann::json header = nlohmann::json::parse(loaded->sections["header"], nullptr, false);
+    const auto then = header.find("plugins");
+    if (then == header.end()) return "its checkpoint has no header";
+    if (replace && Text(header, "instruction_set") != InstructionSet()) {
+      return "its checkpoint was made with another instruction set";
+    }
+    return ChangedPlugin(*then, spec);
+  } catch (const RunnerError&) {
+    return replace ? "no whole checkpoint is left" : "";
+  }
 }
 
 std::int64_t PluginId(results::Database* database, const ResolvedComponent& component) {
@@ -43,13 +114,17 @@ std::int64_t PluginId(results::Database* database, const ResolvedComponent& comp
   return database->Plugin(row);
 }
 
-void RemoveCheckpoints(const std::filesystem::path& folder) {
+// What a run that starts over must not find: checkpoints, trees and run.json of before.
+void RemoveState(const std::filesystem::path& folder) {
   std::error_code ignored;
+  std::filesystem::remove(folder / kSpecFile, ignored);
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    if (entry.path().extension() == ".ckpt") std::filesystem::remove(entry.path(), ignored);
+    const std::filesystem::path kind = entry.path().extension();
+    if (kind == ".ckpt" || kind == ".trees") std::filesystem::remove(entry.path(), ignored);
   }
 }
 
+// What the run was begun with recording is recorded on, whoever resumes it.
 SweepJob JobFor(results::Database* database, const ProcessOptions& options, const RunSpec& spec,
                 const results::RunInfo& run) {
   SweepJob job;
@@ -63,21 +138,24 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
     job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   }
   job.work.memory_limit_bytes = options.memory_limit_bytes;
-  job.work.log_decisions = options.log_decisions;
-  job.work.record_trees = options.record_trees;
+  const nlohmann::json before = ReadSpec(job.work.folder);
+  job.work.log_decisions = options.log_decisions || Flag(before, kLogDecisions);
+  job.work.record_trees = options.record_trees || Flag(before, kRecordTrees);
   return job;
 }
 
-void WriteSpec(const std::filesystem::path& folder, const RunSpec& spec) {
+void WriteSpec(const WorkerJob& work) {
   std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  std::ofstream file(folder / kSpecFile, std::ios::trunc);
-  file << ToJson(spec).dump(2) << "\n";
-  file.close();
-  if (!file) {
-    throw RunnerError(ExitCode::kCannotCreate,
-                      "cannot write " + (folder / kSpecFile).string());
+  std::filesystem::create_directories(work.folder, error);
+  if (error) {
+    throw RunnerError(
+        error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kCannotCreate,
+        "cannot create the folder " + work.folder.string() + ": " + error.message());
   }
+  nlohmann::json json = ToJson(work.spec);
+  json[kLogDecisions] = work.log_decisions;
+  json[kRecordTrees] = work.record_trees;
+  WriteWholeFile(work.folder / kSpecFile, json.dump(2) + "\n");
 }
 
 }  // namespace
@@ -104,6 +182,10 @@ std::string RunLabel(const RunSpec& spec) {
   return label + " seed " + std::to_string(spec.seed);
 }
 
+bool IsWork(Action action) {
+  return action == Action::kStart || action == Action::kResume || action == Action::kStartOver;
+}
+
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs) {
   std::vector<PlannedRun> planned;
@@ -127,20 +209,17 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
         run.action = Action::kSkipFailed;
         run.note = std::string(results::RunStatusName(found->status)) + " before (" +
                    found->error + "); --retry runs it again";
-      } else if (const std::string changed = ChangedPlugin(database, *found, spec);
-                 !changed.empty()) {
-        if (!options.replace) {
-          throw RunnerError(ExitCode::kPluginRefused,
-                            RunLabel(spec) + " was begun with another plugin: " + changed +
-                                ". Use --replace to start it over, or another --study");
-        }
-        run.action = Action::kStartOver;
-        run.note = changed;
-      } else {
+      } else if (const std::string why = WhyNotResumable(database, *found, spec, options.replace);
+                 why.empty()) {
         run.action = Action::kResume;
         run.note = spec.evaluation ? "from its last recorded episode"
                                    : "from environment step " +
                                          std::to_string(found->env_steps_done);
+      } else {
+        run.action = options.replace ? Action::kStartOver : Action::kRefused;
+        run.note = options.replace ? why
+                                   : "it was begun with another plugin: " + why +
+                                         ". Use --replace to start it over, or another --study";
       }
     }
     planned.push_back(std::move(run));
@@ -157,11 +236,13 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
   for (std::size_t i = 0; i < runs.size(); ++i) {
     const PlannedRun& run = runs[i];
     const RunSpec& spec = run.spec;
+    if (!IsWork(run.action)) continue;
     if (run.action == Action::kResume) {
+      // With its run.json: a kill may have come between the row and the file.
       jobs.push_back(JobFor(database, options, spec, *database->GetRun(run.run_id)));
+      WriteSpec(jobs.back().work);
       continue;
     }
-    if (run.action != Action::kStart && run.action != Action::kStartOver) continue;
     results::NewRun row;
     row.study_id = database->Study(spec.study);
     row.task_id = database->Task(tasks[i]);
@@ -181,23 +262,30 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;
     if (run.action == Action::kStartOver) {
-      RemoveCheckpoints(database->RunFolder(*database->GetRun(run_id)));
+      RemoveState(database->RunFolder(*database->GetRun(run_id)));
       database->ReplaceRun(run_id, row);
     } else {
       run_id = database->CreateRun(row).run_id;
     }
-    const results::RunInfo recorded = *database->GetRun(run_id);
-    WriteSpec(database->RunFolder(recorded), spec);
-    jobs.push_back(JobFor(database, options, spec, recorded));
+    jobs.push_back(JobFor(database, options, spec, *database->GetRun(run_id)));
+    WriteSpec(jobs.back().work);
   }
   return jobs;
+}
+
+int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result) {
+  const bool refused = std::any_of(planned.begin(), planned.end(), [](const PlannedRun& run) {
+    return run.action == Action::kRefused;
+  });
+  return refused && result.exit_status != static_cast<int>(ExitCode::kInterrupted)
+             ? static_cast<int>(ExitCode::kPluginRefused)
+             : result.exit_status;
 }
 
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   const std::filesystem::path folder = database->RunFolder(run);
   const std::filesystem::path path = folder / kSpecFile;
-  std::ifstream file(path);
-  if (!file) {
+  if (!std::filesystem::exists(path)) {
     const bool finished = run.status == results::RunStatus::kFinished;
     throw RunnerError(
         ExitCode::kNotFound,
@@ -208,12 +296,13 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
                       : "give the command that began it again: ") +
             run.argv);
   }
-  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
-  if (json.is_discarded()) {
-    throw RunnerError(ExitCode::kBadInput, path.string() + " is not what `runner` wrote");
+  try {
+    return RunSpecFromJson(ReadSpec(folder));
+  } catch (const RunnerError& error) {
+    throw RunnerError(ExitCode::kBadInput, "run " + std::to_string(run.run_id) + ": " +
+                                               path.string() +
+                                               " is not what `runner` wrote: " + error.what());
   }
-  return RunSpecFromJson(json);
 }
 
 std::string ChangedFile(const RunSpec& spec) {

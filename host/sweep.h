@@ -22,20 +22,33 @@ std::string RunLabel(const RunSpec& spec);
 // The key under which the database knows the run.
 results::RunKey KeyOf(const RunSpec& spec);
 
-enum class Action { kStart, kResume, kStartOver, kSkipFinished, kSkipFailed, kSkipActive };
+enum class Action {
+  kStart,
+  kResume,
+  kStartOver,
+  kSkipFinished,
+  kSkipFailed,
+  kSkipActive,
+  kRefused,  // begun with other plugins
+};
+bool IsWork(Action action);
 
 struct PlannedRun {
   RunSpec spec;
   Action action = Action::kStart;
   std::int64_t run_id = 0;  // 0: not recorded yet
-  std::string note;         // why it is left alone, or what it goes on from
+  std::string note;         // why it is left alone or starts over, or what it goes on from
 };
 
-// What the same command does now. Reads only; `database` may be null (no file yet).
-// Throws RunnerError 69 for an unfinished run whose plugins changed, unless
-// options.replace.
+// What the same command does now. Reads only; `database` may be null (no file yet). An
+// unfinished run whose plugins changed is refused, unless options.replace: then it starts
+// over, as does one without a whole checkpoint.
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
+
+// What the command ends with: 75 if it was stopped, else 69 if a run was refused, else
+// what its jobs ended with.
+int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result);
 
 // Records the planned runs and returns the jobs for those to be worked on, in
 // order. tasks: one a spec, from ProbeRun.

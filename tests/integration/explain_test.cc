@@ -153,6 +153,18 @@ TEST_F(ExplainTest, SaysWhatItCannotShow) {
   const ProgramResult none = place_->Runner({"explain", "1", "--db", "e.db"});
   EXPECT_EQ(none.exit_status, 2) << none.err;
   EXPECT_NE(none.err.find("expected a run and a decision"), std::string::npos) << none.err;
+
+  // Resumed, here from the beginning, it goes on keeping them.
+  place_->Query("kept.db", "update run set status = 'queued', env_steps_done = 0");
+  std::vector<std::filesystem::path> before;
+  for (const auto& file :
+       std::filesystem::recursive_directory_iterator(place_->Path("kept.db.files"))) {
+    const std::filesystem::path kind = file.path().extension();
+    if (kind == ".trees" || kind == ".ckpt") before.push_back(file.path());
+  }
+  for (const std::filesystem::path& file : before) std::filesystem::remove(file);
+  ASSERT_EQ(place_->Runner({"resume", "1", "--db", "kept.db"}).exit_status, 0);
+  EXPECT_EQ(place_->Value("kept.db", "select count(*) from artifact where kind = 'trees'"), "3");
 }
 
 }  // namespace

@@ -74,22 +74,18 @@ Status MakeNull(const PlannerContext&, Planner** result) noexcept {
   return OkStatus();
 }
 
-// Behaves until the first update; then imagines values that are not finite, or
-// says that it was given wrong sizes.
-template <bool kNan>
-class FaultyModel final : public Model {
+// Latents of any size; learns nothing.
+template <std::uint64_t kLatentBytes>
+class IdleModel : public Model {
  public:
-  explicit FaultyModel(std::uint64_t actions) : actions_(actions) {}
-  std::uint64_t latent_bytes() const noexcept override { return kLatentAlignment; }
+  explicit IdleModel(std::uint64_t actions) : actions_(actions) {}
+  std::uint64_t latent_bytes() const noexcept override { return kLatentBytes; }
   std::uint64_t action_size() const noexcept override { return actions_; }
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
     return Error(StatusCode::kUnimplemented, "not imagined");
   }
   Status Value(ConstLatents, View<double> values) noexcept override {
-    if (trained_ && !kNan) return Error(StatusCode::kInvalidArgument, "expected 3, found 4");
-    for (double& value : values) {
-      value = trained_ ? std::numeric_limits<double>::quiet_NaN() : 0;
-    }
+    std::memset(values.data, 0, values.size * sizeof(double));
     return OkStatus();
   }
   Status ProposeMode(ConstLatents, MatrixView<double> actions) noexcept override {
@@ -108,16 +104,44 @@ class FaultyModel final : public Model {
     return InitialLatent(latents);
   }
   Status Train(const TrainRequest&, View<double>) noexcept override {
-    trained_ = true;
-    return OkStatus();
+    return Error(StatusCode::kUnimplemented, "nothing to learn");
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
   Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override { delete this; }
 
+ protected:
+  virtual ~IdleModel() = default;
+
  private:
   std::uint64_t actions_;
+};
+
+template <std::uint64_t kLatentBytes>
+Status MakeIdleModel(const ModelContext& context, Model** result) noexcept {
+  *result = new IdleModel<kLatentBytes>(context.action_size);
+  return OkStatus();
+}
+
+// Behaves until the first update; then imagines values that are not finite, or
+// says that it was given wrong sizes.
+template <bool kNan>
+class FaultyModel final : public IdleModel<kLatentAlignment> {
+ public:
+  using IdleModel::IdleModel;
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    if (!trained_) return IdleModel::Value(latents, values);
+    if (!kNan) return Error(StatusCode::kInvalidArgument, "expected 3, found 4");
+    for (double& value : values) value = std::numeric_limits<double>::quiet_NaN();
+    return OkStatus();
+  }
+  Status Train(const TrainRequest&, View<double>) noexcept override {
+    trained_ = true;
+    return OkStatus();
+  }
+
+ private:
   bool trained_ = false;
 };
 
@@ -125,6 +149,79 @@ template <bool kNan>
 Status MakeModel(const ModelContext& context, Model** result) noexcept {
   *result = new FaultyModel<kNan>(context.action_size);
   return OkStatus();
+}
+
+// One number to see, two to set, 10 steps an episode; and one thing wrong about it.
+enum class Claim {
+  kGood,
+  kNoSteps,
+  kShortBounds,
+  kNanBound,
+  kEqualBounds,
+  kEndless,
+  kEndlessFirst
+};
+
+template <Claim kClaim>
+class FaultyEnvironment final : public Environment {
+ public:
+  explicit FaultyEnvironment(bool first)
+      : endless_(kClaim == Claim::kEndless || (kClaim == Claim::kEndlessFirst && first)) {
+    spec_.observation_size = 1;
+    spec_.action_size = 2;
+    spec_.action_low = {low_, kClaim == Claim::kShortBounds ? 1u : 2u};
+    spec_.action_high = {high_, 2};
+    spec_.control_seconds = 0.1;
+    spec_.episode_steps = kClaim == Claim::kNoSteps ? 0 : 10;
+    if (kClaim == Claim::kNanBound) high_[1] = std::numeric_limits<double>::quiet_NaN();
+    if (kClaim == Claim::kEqualBounds) high_[1] = low_[1];
+  }
+  const EnvironmentSpec& spec() const noexcept override { return spec_; }
+  Status Reset(std::uint32_t, View<double> observation) noexcept override {
+    steps_ = 0;
+    observation[0] = 0;
+    return OkStatus();
+  }
+  Status Step(View<const double>, View<double> observation, StepResult* result) noexcept override {
+    observation[0] = 0;
+    *result = StepResult();
+    result->last = !endless_ && ++steps_ == 10;
+    return OkStatus();
+  }
+  Status SaveState(View<std::byte>) const noexcept override {
+    return Error(StatusCode::kUnimplemented, "no state");
+  }
+  Status RestoreState(View<const std::byte>) noexcept override {
+    return Error(StatusCode::kUnimplemented, "no state");
+  }
+  Status Render(const RenderRequest&, View<std::uint8_t>) noexcept override {
+    return Error(StatusCode::kUnimplemented, "no picture");
+  }
+  void Destroy() noexcept override { delete this; }
+
+ private:
+  double low_[2] = {-1, -1}, high_[2] = {1, 1};
+  EnvironmentSpec spec_;
+  bool endless_;
+  int steps_ = 0;
+};
+
+// A training's own environment is the first that its process makes.
+template <Claim kClaim>
+Status MakeEnvironment(const EnvironmentContext&, Environment** result) noexcept {
+  static bool first = true;
+  *result = new FaultyEnvironment<kClaim>(first);
+  first = false;
+  return OkStatus();
+}
+
+constexpr ComponentDescriptor FaultyEnvironmentDescriptor(const char* name,
+                                                          EnvironmentFactory factory) {
+  return {.kind = ComponentKind::kEnvironment,
+          .name = name,
+          .version = "1.0.0",
+          .summary = "says what is not so",
+          .create_environment = factory};
 }
 
 constexpr ComponentDescriptor FaultyPlannerDescriptor(const char* name, PlannerFactory factory) {
@@ -155,6 +252,16 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("null_planner", MakeNull),
     FaultyModelDescriptor("nan_model", MakeModel<true>),
     FaultyModelDescriptor("wrong_size_model", MakeModel<false>),
+    FaultyModelDescriptor("idle_model", MakeIdleModel<kLatentAlignment>),
+    FaultyModelDescriptor("no_latent", MakeIdleModel<0>),
+    FaultyModelDescriptor("odd_latent", MakeIdleModel<kLatentAlignment + 8>),
+    FaultyEnvironmentDescriptor("good_environment", MakeEnvironment<Claim::kGood>),
+    FaultyEnvironmentDescriptor("no_steps", MakeEnvironment<Claim::kNoSteps>),
+    FaultyEnvironmentDescriptor("short_bounds", MakeEnvironment<Claim::kShortBounds>),
+    FaultyEnvironmentDescriptor("nan_bound", MakeEnvironment<Claim::kNanBound>),
+    FaultyEnvironmentDescriptor("equal_bounds", MakeEnvironment<Claim::kEqualBounds>),
+    FaultyEnvironmentDescriptor("endless", MakeEnvironment<Claim::kEndless>),
+    FaultyEnvironmentDescriptor("endless_training", MakeEnvironment<Claim::kEndlessFirst>),
 };
 
 }  // namespace
