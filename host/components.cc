@@ -1,5 +1,8 @@
 #include "components.h"
 
+#include <cmath>
+#include <sstream>
+
 #include "byte_buffer.h"
 #include "plugin_loader.h"
 
@@ -24,6 +27,67 @@ T* Made(const Status& status, T* object, const char* kind, const std::string& na
     throw RunnerError(ExitCode::kInternal, what + ": its factory returned null");
   }
   return object;
+}
+
+// What a plugin says about a component of its own, held against what the interface
+// demands: others divide by it and index with it.
+class Claims {
+ public:
+  Claims(const char* kind, const ResolvedComponent& component)
+      : kind_(kind), component_(component) {}
+
+  template <typename Value>
+  void Check(bool holds, const std::string& field, const Value& found,
+             const std::string& expected) const {
+    if (holds) return;
+    const PluginInfo& plugin = component_.info->plugin;
+    std::ostringstream message;
+    message << "plugin " << plugin.name << " (" << plugin.path << "): " << kind_ << " '"
+            << component_.name() << "' says " << field << " = " << found << ", expected "
+            << expected;
+    throw RunnerError(ExitCode::kPluginRefused, message.str());
+  }
+
+ private:
+  const char* kind_;
+  const ResolvedComponent& component_;
+};
+
+void CheckEnvironment(const EnvironmentSpec& spec, const ResolvedComponent& component) {
+  const Claims claims("environment", component);
+  claims.Check(spec.observation_size > 0, "observation_size", spec.observation_size, "at least 1");
+  claims.Check(spec.action_size > 0, "action_size", spec.action_size, "at least 1");
+  for (const auto& [field, bounds] :
+       {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {
+    claims.Check(bounds.size == spec.action_size && bounds.data != nullptr,
+                 std::string(field) + ".size", bounds.size,
+                 "action_size = " + std::to_string(spec.action_size) + " numbers");
+  }
+  for (std::uint64_t i = 0; i < spec.action_size; ++i) {
+    const std::string index = "[" + std::to_string(i) + "]";
+    claims.Check(std::isfinite(spec.action_low[i]), "action_low" + index, spec.action_low[i],
+                 "a finite number");
+    claims.Check(std::isfinite(spec.action_high[i]) && spec.action_high[i] > spec.action_low[i],
+                 "action_high" + index, spec.action_high[i],
+                 "a finite number above action_low" + index);
+  }
+  claims.Check(std::isfinite(spec.control_seconds) && spec.control_seconds > 0, "control_seconds",
+               spec.control_seconds, "more than 0");
+  claims.Check(spec.substeps > 0, "substeps", spec.substeps, "at least 1");
+  claims.Check(spec.episode_steps > 0, "episode_steps", spec.episode_steps, "at least 1");
+  claims.Check(std::isfinite(spec.return_low), "return_low", spec.return_low, "a finite number");
+  claims.Check(std::isfinite(spec.return_high) && spec.return_high >= spec.return_low,
+               "return_high", spec.return_high, "a finite number, not below return_low");
+}
+
+void CheckModel(const Model& model, const EnvironmentSpec& environment,
+                const ResolvedComponent& component) {
+  const Claims claims("model", component);
+  const std::uint64_t bytes = model.latent_bytes();
+  claims.Check(bytes > 0 && bytes % kLatentAlignment == 0, "latent_bytes", bytes,
+               "a multiple of " + std::to_string(kLatentAlignment) + " above 0");
+  claims.Check(model.action_size() == environment.action_size, "action_size", model.action_size(),
+               "the environment's, " + std::to_string(environment.action_size));
 }
 
 }  // namespace
@@ -62,7 +126,9 @@ EnvironmentPtr Components::MakeEnvironment() const {
   context.parameters = parameters.view();
   Environment* environment = nullptr;
   const Status status = environment_->create_environment(context, &environment);
-  return EnvironmentPtr(Made(status, environment, "environment", spec_.environment.name()));
+  EnvironmentPtr made(Made(status, environment, "environment", spec_.environment.name()));
+  CheckEnvironment(made->spec(), spec_.environment);
+  return made;
 }
 
 ModelPtr Components::MakeModel(const ResolvedComponent& component,
@@ -83,7 +149,9 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.behaviour = behaviour;
   Model* model = nullptr;
   const Status status = descriptor.create_model(context, &model);
-  return ModelPtr(Made(status, model, "model", component.name()));
+  ModelPtr made(Made(status, model, "model", component.name()));
+  CheckModel(*made, environment, component);
+  return made;
 }
 
 ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,

@@ -2,7 +2,8 @@
 //
 // Owns the objects that plugins handed out and destroys them in the right order.
 // Errors of a factory become RunnerError with the component's name: 2 when it
-// refuses the settings, 70 otherwise.
+// refuses the settings, 69 when what it made says something impossible about itself,
+// 70 otherwise.
 #pragma once
 
 #include <cstdint>

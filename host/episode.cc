@@ -5,6 +5,7 @@
 
 #include "activity_clock.h"
 #include "components.h"
+#include "error.h"
 #include "results/digest.h"
 
 namespace dreamsearch {
@@ -48,6 +49,16 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
   return held;
 }
 
+void CheckLength(const Environment& environment, const std::string& name, std::uint64_t length) {
+  const std::uint64_t limit = environment.spec().episode_steps;
+  if (length < limit) return;
+  throw RunnerError(ExitCode::kPluginRefused,
+                    "environment '" + name + "' says episode_steps = " + std::to_string(limit) +
+                        ", expected `last` at that step at the latest, found an episode that goes "
+                        "on after " +
+                        std::to_string(length));
+}
+
 bool PlayEvaluationEpisode(const EvaluationEpisode& episode, const EpisodeHooks& hooks,
                            results::EpisodeRow* row) {
   const auto seed = static_cast<std::uint32_t>(
@@ -74,6 +85,10 @@ bool PlayEvaluationEpisode(const EvaluationEpisode& episode, const EpisodeHooks&
     row->episode_return += held.reward;
     digest.AddDecision(agent->action().data, agent->action().size, held.reward, decision.value);
     plan_us.push_back(decision.plan_us);
+    if (!held.last) {
+      CheckLength(*episode.environment, episode.environment_name,
+                  static_cast<std::uint64_t>(row->length));
+    }
   }
   row->wall_seconds = ActivityClock::Now() - begin;
   row->plan_us_mean = Mean(plan_us);

@@ -33,6 +33,10 @@ struct HeldAction {
 HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
                       std::uint64_t most_steps, View<double> observation);
 
+// Throws RunnerError 69 if an episode that goes on after `length` environment steps has
+// outlived what the environment says of itself.
+void CheckLength(const Environment& environment, const std::string& name, std::uint64_t length);
+
 struct EvaluationEpisode {
   Agent* agent = nullptr;
   Environment* environment = nullptr;

@@ -225,6 +225,7 @@ void Experiment::MakeDecision() {
   }
   ++episode_.t;
   episode_.wall_seconds += ActivityClock::Now() - begin;
+  if (!held.last) CheckLength(*environment_, spec_.environment.name(), episode_.length);
   if (held.last || at_.env_step >= target_) FinishEpisode();
 }
 

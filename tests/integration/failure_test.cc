@@ -265,6 +265,66 @@ TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
   EXPECT_EQ(result.exit_status, 70) << result.err;
   EXPECT_NE(result.err.find("null_planner"), std::string::npos) << result.err;
   EXPECT_EQ(place.Value("f.db", "select count(*) from segment"), "2");
+
+// A tiny training with components of the plugin `faulty`.
+std::vector<std::string> FaultyRun(const std::string& environment, const std::string& model,
+                                   const std::vector<std::string>& more = {}) {
+  std::vector<std::string> arguments = {"--env",          environment,
+                                        "--planner",      "random",
+                                        "--model",        model,
+                                        "--eval-planner", "dreamer",
+                                        "--steps",        "100",
+                                        "--db",           "f.db",
+                                        "--plugin-path",  DREAMSEARCH_FAULTY_PLUGIN_DIR};
+  for (const char* setting : {"run.action_repeat=1", "run.prefill_steps=20",
+                              "run.sequence_length=4", "run.eval_episodes=1"}) {
+    arguments.insert(arguments.end(), {"--set", setting});
+  }
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+TEST(Claims, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"no_steps", "'no_steps' says episode_steps = 0, expected at least 1"},
+      {"short_bounds", "says action_low.size = 1, expected action_size = 2 numbers"},
+      {"nan_bound", "says action_high[1] = nan, expected a finite number"},
+      {"equal_bounds", "says action_high[1] = -1, expected a finite number above action_low[1]"}};
+  const Workplace place;
+  for (const auto& [environment, message] : cases) {
+    const ProgramResult dry = place.Runner(FaultyRun(environment, "idle_model", {"--dry-run"}));
+    EXPECT_EQ(dry.exit_status, 69) << dry.err;
+    EXPECT_NE(dry.err.find(message), std::string::npos) << dry.err;
+    EXPECT_NE(dry.err.find("plugin faulty"), std::string::npos) << dry.err;
+  }
+  const ProgramResult real = place.Runner(FaultyRun("no_steps", "idle_model"));
+  EXPECT_EQ(real.exit_status, 69) << real.err;
+  EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
+}
+
+TEST(Claims, OfAModelCostItsRunAlone) {
+  const Workplace place;
+  const ProgramResult result =
+      place.Runner(FaultyRun("good_environment", "no_latent,odd_latent,idle_model"));
+  EXPECT_EQ(result.exit_status, 69) << result.err;
+  const auto run = [&](const std::string& model, const std::string& column) {
+    return place.Value("f.db", "select " + column + " from run where model = '" + model + "'");
+  };
+  EXPECT_EQ(run("idle_model", "status"), "finished") << result.err;
+  EXPECT_EQ(run("no_latent", "exit_code"), "69");
+  EXPECT_NE(run("no_latent", "error").find("says latent_bytes = 0, expected a multiple of 64"),
+            std::string::npos)
+      << result.err;
+  EXPECT_NE(run("odd_latent", "error").find("says latent_bytes = 72"), std::string::npos);
+}
+
+TEST(Claims, AnEpisodeEndsWhenTheEnvironmentSaidItWould) {
+  const Workplace place;
+  for (const char* environment : {"endless", "endless_training"}) {
+    const ProgramResult result = place.Runner(FaultyRun(environment, "idle_model"));
+    EXPECT_EQ(result.exit_status, 69) << result.err;
+    EXPECT_NE(result.err.find("goes on after 10"), std::string::npos) << result.err;
+  }
 }
 
 }  // namespace
