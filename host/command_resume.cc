@@ -25,7 +25,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
       "what", po::value<std::string>(&what), "RUN, STUDY or all")(
       "force", po::bool_switch(&force),
       "go on under another instruction set, though the bits will differ");
-  flags.add(ProcessFlags(&options));
+  flags.add(ResumeFlags(&options));
   po::positional_options_description positional;
   positional.add("what", 1);
   const po::variables_map given = ParseFlags("runner resume", arguments, flags, positional);

@@ -133,12 +133,23 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
   const auto jobs = static_cast<double>(
       std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(
                                                                options.process.jobs))));
-  std::cout << "\ntotal: " << work << " of " << runs.size() << " runs to work on, about "
+  std::cout << "\ntotal: " << work << " of " << Counted(runs.size(), "run") << " to work on, about "
             << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs "
             << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
             << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n"
             << "times were measured here just now; nothing was run or written\n";
   return SweepStatus(runs, {});
+}
+
+// Of a budget that ends before learning begins; all runs of a command have the same.
+void WarnOfNoLearning(const std::vector<RunSpec>& specs) {
+  const std::uint64_t prefill = specs.front().run.Integer("prefill_steps");
+  const std::uint64_t steps = specs.front().steps();
+  if (steps > prefill) return;
+  std::cerr << "warning: --steps " << steps << " is not more than run.prefill_steps = " << prefill
+            << ", so every action of the training is random and "
+            << (steps < prefill ? "nothing is learned" : "nothing that is learned is tried")
+            << "; give more --steps, or a smaller number with --set run.prefill_steps=N\n";
 }
 
 // How to call another program of this installation from the current folder.
@@ -170,9 +181,11 @@ int RunCommand(const std::vector<std::string>& arguments) {
     std::cerr << "warning: " << warning << "\n";
   }
   const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
+  WarnOfNoLearning(specs);
   const bool exists = std::filesystem::exists(options.process.db);
 
   if (options.process.dry_run) {
+    results::Database::CheckWritable(options.process.db.string());
     const auto database =
         exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
     return DryRun(options, PlanSweep(database.get(), options.process, specs),
@@ -197,7 +210,7 @@ int RunCommand(const std::vector<std::string>& arguments) {
                 << RunLabel(run.spec) << ": " << run.note << "\n";
     }
   }
-  std::cerr << planned.size() << " runs:";
+  std::cerr << Counted(planned.size(), "run") << ":";
   for (const auto& [action, count] : counts) {
     std::cerr << " " << count << " to " << ActionText(action) << (action == counts.rbegin()->first ? "" : ",");
   }
@@ -215,7 +228,7 @@ int RunCommand(const std::vector<std::string>& arguments) {
   std::map<results::RunStatus, int> ended;
   for (const results::RunStatus status : result.statuses) ++ended[status];
   if (work > 0) {
-    std::cerr << "of " << work << " runs:";
+    std::cerr << "of " << Counted(work, "run") << ":";
     for (const auto& [status, count] : ended) {
       std::cerr << " " << count << " " << results::RunStatusName(status);
     }

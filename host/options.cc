@@ -429,6 +429,28 @@ po::parsed_options ParseArguments(const std::vector<std::string>& arguments,
 
 constexpr const char* kCommandLine = "runner";
 
+void AddRetryFlag(ProcessOptions* process, po::options_description* flags) {
+  flags->add_options()
+      ("retry", po::bool_switch(&process->retry), "run failed, crashed and diverged runs again");
+}
+
+void AddReplaceFlag(ProcessOptions* process, po::options_description* flags) {
+  flags->add_options()
+      ("replace", po::bool_switch(&process->replace),
+       "start an unfinished run over that cannot go on: a plugin of it has changed, or none of its "
+       "checkpoints is whole");
+}
+
+void AddRecordingFlags(ProcessOptions* process, po::options_description* flags) {
+  flags->add_options()
+      ("log-decisions", po::bool_switch(&process->log_decisions),
+       "store a row of search statistics for every decision")
+      ("record-trees", po::bool_switch(&process->record_trees),
+       "keep the search trees of training decisions for `runner explain`")
+      ("dry-run", po::bool_switch(&process->dry_run),
+       "print the runs, their settings and an estimate; run nothing");
+}
+
 }  // namespace
 
 po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
@@ -456,28 +478,36 @@ po::options_description LimitFlags(ProcessOptions* process) {
        })), "worker processes at once (the number of cores)")
       ("time-limit", Text("TIME", Named("time-limit", [process](const std::string& text) {
          process->time_limit_seconds = ParseSeconds(text);
-       })), "end a run after this time: 90, 30m, 2h (no limit)")
+       })), "end a run after this time, in seconds or as 30m, 2h; 0: no limit (0)")
       ("memory-limit", Text("SIZE", Named("memory-limit", [process](const std::string& text) {
          process->memory_limit_bytes = ParseBytes(text);
-       })), "end a run that uses more memory: 512M, 4G (no limit)")
+       })), "end a run that uses more memory, in bytes or as 512M, 4G; 0: no limit (0)")
       ("hang-timeout", Text("TIME", Named("hang-timeout", [process](const std::string& text) {
          process->hang_timeout_seconds = ParseSeconds(text);
-       })), "end a run that uses so much processor time without a sign of life (60)")
-      ("retry", po::bool_switch(&process->retry), "run failed, crashed and diverged runs again")
-      ("replace", po::bool_switch(&process->replace),
-       "let a changed plugin or configuration replace an unfinished run");
+       })), "end a run that uses so much processor time, in seconds or as 5m, without a sign of "
+            "life; 0: never (60)");
+  return flags;
+}
+
+po::options_description EvaluationProcessFlags(ProcessOptions* process) {
+  po::options_description flags = LimitFlags(process);
+  AddRetryFlag(process, &flags);
+  AddReplaceFlag(process, &flags);
+  return flags;
+}
+
+po::options_description ResumeFlags(ProcessOptions* process) {
+  po::options_description flags = LimitFlags(process);
+  AddRetryFlag(process, &flags);
+  AddRecordingFlags(process, &flags);
   return flags;
 }
 
 po::options_description ProcessFlags(ProcessOptions* process) {
   po::options_description flags = LimitFlags(process);
-  flags.add_options()
-      ("log-decisions", po::bool_switch(&process->log_decisions),
-       "store a row of search statistics for every decision")
-      ("record-trees", po::bool_switch(&process->record_trees),
-       "keep the search trees of training decisions for `runner explain`")
-      ("dry-run", po::bool_switch(&process->dry_run),
-       "print the runs, their settings and an estimate; run nothing");
+  AddRetryFlag(process, &flags);
+  AddReplaceFlag(process, &flags);
+  AddRecordingFlags(process, &flags);
   return flags;
 }
 
@@ -569,7 +599,7 @@ EvaluationOptions ParseEvaluationOptions(const std::vector<std::string>& argumen
   }
   if (options.help) return evaluation;
   po::options_description flags = EvaluationFlags(&evaluation);
-  flags.add(LimitFlags(&options.process));
+  flags.add(EvaluationProcessFlags(&options.process));
   po::positional_options_description positional;
   positional.add("run", 1);
   const po::variables_map given = ParseFlags(command, arguments, flags, positional);
@@ -651,7 +681,7 @@ again plays only what is missing.
 
 )";
   ProcessOptions process;
-  text << EvaluationFlags(&evaluation) << '\n' << LimitFlags(&process);
+  text << EvaluationFlags(&evaluation) << '\n' << EvaluationProcessFlags(&process);
   return text.str();
 }
 

@@ -91,6 +91,9 @@ boost::program_options::options_description PluginPathFlag(std::vector<std::stri
 boost::program_options::variables_map ParseFlags(
     const std::string& command, const std::vector<std::string>& arguments,
     const boost::program_options::options_description& flags,
+boost::program_options::options_description EvaluationProcessFlags(ProcessOptions* process);
+boost::program_options::options_description ResumeFlags(ProcessOptions* process);
+boost::program_options::options_description ProcessFlags(ProcessOptions* process);
     const boost::program_options::positional_options_description& positional = {});
 
 }  // namespace dreamsearch

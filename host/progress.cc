@@ -36,6 +36,10 @@ std::string GroupDigits(std::uint64_t number) {
   return digits;
 }
 
+std::string Counted(std::uint64_t number, const std::string& noun) {
+  return GroupDigits(number) + " " + noun + (number == 1 ? "" : "s");
+}
+
 std::string FormatDuration(double seconds) {
   if (!(seconds >= 0) || seconds > 1e9) return "unknown time";
   const auto s = static_cast<std::uint64_t>(std::llround(seconds));

@@ -16,6 +16,8 @@ namespace dreamsearch {
 
 // "1,234,567".
 std::string GroupDigits(std::uint64_t number);
+// "1 run", "1,234 runs".
+std::string Counted(std::uint64_t number, const std::string& noun);
 // "45 s", "12 min", "3 h 20 min", "2 d 4 h".
 std::string FormatDuration(double seconds);
 // "812 B", "3.4 MB".

@@ -62,6 +62,12 @@ void CreateFolders(const std::string& path) {
                              error.message() + "). Name another file with --db.");
 }
 
+std::string NamedPath(const std::string& path) {
+  if (!path.empty()) return AbsolutePath(path);
+  throw Error(kExitUsage,
+              "expected the name of a results database, found nothing. Name one with --db.");
+}
+
 // Text of milliseconds since 1970.
 std::string UtcText(std::int64_t milliseconds) {
   const std::time_t seconds = milliseconds / 1000;
@@ -188,12 +194,28 @@ std::unique_ptr<Database> Database::OpenReadOnly(const std::string& path) {
   return std::unique_ptr<Database>(new Database(path, OpenMode::kReadOnly));
 }
 
-Database::Database(const std::string& path, OpenMode mode) {
-  if (path.empty()) {
-    throw Error(kExitUsage, "expected the name of a results database, found nothing. Name one "
-                            "with --db.");
+void Database::CheckWritable(const std::string& path) {
+  std::filesystem::path folder = std::filesystem::path(NamedPath(path)).parent_path();
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder != folder.root_path()) {
+    folder = folder.parent_path();
   }
-  const std::string absolute = AbsolutePath(path);
+  if (!std::filesystem::is_directory(folder, error)) {
+    throw Error(kExitCannotCreate, folder.string() +
+                                       ": is no folder, so the database's folder "
+                                       "cannot be created. Name another file with "
+                                       "--db.");
+  }
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    throw Error(kExitPermission, folder.string() +
+                                     ": may not be written by this user, so the "
+                                     "database cannot be. Name another file with "
+                                     "--db.");
+  }
+}
+
+Database::Database(const std::string& path, OpenMode mode) {
+  const std::string absolute = NamedPath(path);
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(absolute, error);
   if (status.type() == std::filesystem::file_type::not_found) {
@@ -352,6 +374,8 @@ std::string Database::NewRunFolder(const std::string& uuid) const {
 std::string Database::RunFolder(const RunInfo& run) const {
   const std::filesystem::path recorded =
       (std::filesystem::path(path()).parent_path() / run.log_path).lexically_normal().parent_path();
+  // A database that was copied or renamed with its files keeps to them. A path is data:
+  // it names no folder but the run's own.
   const std::string beside = NewRunFolder(run.uuid);
   // A database that was copied or renamed with its files keeps to them. A path is data:
   // it names no folder but the run's own.

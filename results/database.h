@@ -195,6 +195,9 @@ class Database {
   // an older schema in a file that may not be written.
   static std::unique_ptr<Database> OpenReadOnly(const std::string& path);
 
+  // Throws what OpenOrCreate would for a place where nothing can be written; creates nothing.
+  static void CheckWritable(const std::string& path);
+
   const std::string& path() const { return connection_->path(); }  // absolute
   const std::vector<std::string>& warnings() const { return warnings_; }
   Connection& connection() { return *connection_; }

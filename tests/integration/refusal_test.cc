@@ -76,6 +76,47 @@ TEST(DryRun, ShowsRunsSettingsTimeAndBytesAndWritesNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
 }
 
+TEST(DryRun, SaysThatNothingCanBeWrittenThere) {
+  const Workplace place;
+  std::fclose(std::fopen(place.Path("file").c_str(), "w"));
+  const ProgramResult result =
+      place.Runner(TinyRun("cartpole_balance", "dreamer", "file/sub/d.db", {"--dry-run"}));
+  EXPECT_EQ(result.exit_status, 73) << result.err;
+  EXPECT_NE(result.err.find(place.Path("file") + ": is no folder"), std::string::npos)
+      << result.err;
+  const ProgramResult nothing = place.Runner(TinyRun("cartpole_balance", "dreamer", ""));
+  EXPECT_EQ(nothing.exit_status, 2) << nothing.err;
+  EXPECT_NE(nothing.err.find("found nothing. Name one with --db"), std::string::npos)
+      << nothing.err;
+}
+
+TEST(DryRun, WarnsOfABudgetThatEndsBeforeLearning) {
+  const Workplace place;
+  std::vector<std::string> arguments = TinyRun("cartpole_balance", "dreamer", "w.db");
+  std::replace(arguments.begin(), arguments.end(), std::string("4000"), std::string("500"));
+  std::vector<std::string> dry = arguments;
+  dry.emplace_back("--dry-run");
+  for (const auto& with : {dry, arguments}) {
+    const ProgramResult result = place.Runner(with);
+    EXPECT_EQ(result.exit_status, 0) << result.err;
+    EXPECT_NE(result.err.find("warning: --steps 500 is not more than run.prefill_steps = 1000"),
+              std::string::npos)
+        << result.err;
+    EXPECT_EQ(result.err.find("1 runs:"), std::string::npos) << result.err;
+  }
+}
+
+TEST(Help, OffersWhatMeansSomethingThere) {
+  const Workplace place;
+  const auto offers = [&](const char* command, const char* flag) {
+    return place.Runner({command, "--help"}).out.find(flag) != std::string::npos;
+  };
+  EXPECT_FALSE(offers("verify", "--retry") || offers("verify", "--replace"));
+  EXPECT_TRUE(offers("resume", "--retry"));
+  EXPECT_FALSE(offers("resume", "--replace"));
+  EXPECT_TRUE(offers("eval", "--retry") && offers("eval", "--replace"));
+}
+
 TEST(Help, SaysHowToBegin) {
   const Workplace place;
   const ProgramResult result = place.Runner({"--help"});
