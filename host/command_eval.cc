@@ -157,19 +157,13 @@ int EvalCommand(const std::vector<std::string>& arguments) {
     }
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
-  std::map<std::string, results::TaskInfo> tasks;
-  for (const RunSpec& spec : specs) {
-    if (tasks.count(spec.environment.name()) != 0) continue;
-    tasks[spec.environment.name()] = ProbeRun(spec, false, kProbeTimeoutSeconds).task;
-  }
+  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
   if (database == nullptr) database = results::Database::OpenOrCreate(db);
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
   }
-  std::vector<results::TaskInfo> task_of_spec;
-  for (RunSpec& spec : specs) {
-    task_of_spec.push_back(tasks[spec.environment.name()]);
-    spec.evaluation->episode_steps = static_cast<std::uint64_t>(task_of_spec.back().episode_steps);
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    specs[i].evaluation->episode_steps = static_cast<std::uint64_t>(tasks[i].episode_steps);
   }
 
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
@@ -187,10 +181,9 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   }
   std::vector<std::string> argv = {"runner", "eval"};
   argv.insert(argv.end(), arguments.begin(), arguments.end());
-  std::vector<SweepJob> jobs =
-      RecordSweep(database.get(), options.process, planned, task_of_spec, argv);
-  std::cerr << specs.size() << " evaluations: " << jobs.size() << " to play, " << finished
-            << " finished before; database " << database->path() << std::endl;
+  std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
+  std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
+            << finished << " finished before; database " << database->path() << std::endl;
   const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
   PrintTable(database.get(), specs);
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {

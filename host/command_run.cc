@@ -34,19 +34,17 @@ const char* ActionText(Action action) {
   return "";
 }
 
-// Probes each combination of components once.
-std::vector<ProbeResult> ProbeAll(const std::vector<RunSpec>& specs, bool measure) {
+// Measures each configuration once.
+std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs) {
   std::map<std::string, ProbeResult> known;
   std::vector<ProbeResult> results;
   for (const RunSpec& spec : specs) {
-    const std::string key = measure ? CanonicalJson(spec) : spec.environment.name();
+    const std::string key = CanonicalJson(spec);
     auto found = known.find(key);
     if (found == known.end()) {
-      if (measure) {
-        std::cerr << "measuring " << spec.environment.name() << ", " << spec.planner.name()
-                  << " ..." << std::endl;
-      }
-      found = known.emplace(key, ProbeRun(spec, measure, kProbeTimeoutSeconds)).first;
+      std::cerr << "measuring " << spec.environment.name() << ", " << spec.planner.name() << " ..."
+                << std::endl;
+      found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, kProbeTimeoutSeconds)).first;
     }
     results.push_back(found->second);
   }
@@ -188,11 +186,10 @@ int RunCommand(const std::vector<std::string>& arguments) {
     results::Database::CheckWritable(options.process.db.string());
     const auto database =
         exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
-    return DryRun(options, PlanSweep(database.get(), options.process, specs),
-                  ProbeAll(specs, true));
+    return DryRun(options, PlanSweep(database.get(), options.process, specs), MeasureAll(specs));
   }
 
-  const std::vector<ProbeResult> probes = ProbeAll(specs, false);
+  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
   const auto database = results::Database::OpenOrCreate(options.process.db.string());
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
@@ -216,8 +213,6 @@ int RunCommand(const std::vector<std::string>& arguments) {
   }
   std::cerr << "; database " << database->path() << std::endl;
 
-  std::vector<results::TaskInfo> tasks;
-  for (const ProbeResult& probe : probes) tasks.push_back(probe.task);
   std::vector<std::string> argv = {"runner"};
   argv.insert(argv.end(), arguments.begin(), arguments.end());
   std::vector<SweepJob> jobs =

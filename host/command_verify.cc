@@ -109,7 +109,7 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
   const std::filesystem::path agent = AgentCheckpoint(database.get(), spec);
   // The temporary database has no trained run to name.
   if (spec.evaluation) spec.evaluation->parent_run_id = 0;
-  const results::TaskInfo task = ProbeRun(spec, false, kProbeTimeoutSeconds).task;
+  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
   const TemporaryFolder folder;
   const auto repeated = results::Database::OpenOrCreate((folder.path() / "verify.db").string());
   PlannedRun planned;

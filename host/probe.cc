@@ -1,6 +1,7 @@
 #include "probe.h"
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "activity_clock.h"
@@ -111,6 +112,16 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components,
   return costs;
 }
 
+// As the run will make them.
+void MakeComponents(const Components& components, const EnvironmentSpec& figures) {
+  const EnvironmentPtr model_environment =
+      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+  const ModelPtr behaviour = components.MakeBehaviour(figures, 1);
+  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get(), behaviour.get());
+  components.MakePlanner(*model);
+  components.MakeEvaluationPlanner(*model);
+}
+
 }  // namespace
 
 int ProbeMain() {
@@ -128,7 +139,9 @@ int ProbeMain() {
     task["episode_steps"] = figures.episode_steps;
     task["return_low"] = figures.return_low;
     task["return_high"] = figures.return_high;
-    if (question.at("measure").get<bool>()) {
+    const auto depth = question.at("depth").get<ProbeDepth>();
+    if (depth == ProbeDepth::kComponents) MakeComponents(components, figures);
+    if (depth == ProbeDepth::kCosts) {
       const RunCosts costs = MeasureCosts(spec, components, environment.get());
       answer["costs"] = {costs.environment_step,           costs.training_decision,
                          costs.search_evaluation_decision, costs.actor_evaluation_decision,
@@ -139,12 +152,12 @@ int ProbeMain() {
   });
 }
 
-ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds) {
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds) {
   Question question;
   question.command = "probe";
   question.who = spec.environment.name() + ", " + spec.model.name() + ", " + spec.planner.name();
   question.timeout_seconds = timeout_seconds;
-  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)}, {"measure", measure}});
+  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)}, {"depth", depth}});
   ProbeResult result;
   const nlohmann::json& task = answer.at("task");
   result.task.name = spec.environment.name();
@@ -156,11 +169,29 @@ ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds) 
   result.task.episode_steps = task.at("episode_steps");
   result.task.return_low = task.at("return_low");
   result.task.return_high = task.at("return_high");
-  if (measure) {
+  if (depth == ProbeDepth::kCosts) {
     const nlohmann::json& costs = answer.at("costs");
     result.costs = {costs[0], costs[1], costs[2], costs[3], costs[4], costs[5], costs[6]};
   }
   return result;
+}
+
+std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {
+  std::vector<results::TaskInfo> tasks;
+  std::map<std::string, results::TaskInfo> known;  // by configuration
+  for (const RunSpec& spec : specs) {
+    const auto [entry, added] = known.try_emplace(CanonicalJson(spec));
+    if (added) {
+      try {
+        entry->second = ProbeRun(spec, ProbeDepth::kComponents, kProbeTimeoutSeconds).task;
+      } catch (const RunnerError& error) {
+        if (error.code() == ExitCode::kUsage) throw;
+        entry->second = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+      }
+    }
+    tasks.push_back(entry->second);
+  }
+  return tasks;
 }
 
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {

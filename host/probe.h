@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "results/database.h"
 #include "settings.h"
@@ -33,12 +34,25 @@ struct ProbeResult {
   RunCosts costs;  // zero unless measured
 };
 
+// How much a probe asks for.
+enum class ProbeDepth {
+  kTask,        // makes the environment
+  kComponents,  // and the model and the planners
+  kCosts,       // and measures them
+};
+
 // What every command grants a probe.
 inline constexpr double kProbeTimeoutSeconds = 120;
 
 // Throws RunnerError with the child's message and exit code; 71 if it crashed or
 // took longer than `timeout_seconds` of wall time.
-ProbeResult ProbeRun(const RunSpec& spec, bool measure, double timeout_seconds);
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds);
+
+// The tasks of a sweep, one a spec. Makes the components of every configuration once, so
+// that nothing is written for settings that do not go together: throws RunnerError 2 for
+// those, and what ProbeRun throws for an environment. Another fault of a model or a planner
+// is left to cost its own run.
+std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs);
 
 // What the whole run takes at those costs.
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe);

@@ -205,6 +205,12 @@ TEST_F(EvalTest, SaysWhatItCannotEvaluate) {
     EXPECT_EQ(result.exit_status, 2) << result.err;
     EXPECT_NE(result.err.find(message), std::string::npos) << result.err;
   }
+  const ProgramResult conflict =
+      place_->Runner({"eval", "--env", "cartpole_swingup,reacher_easy", "--planner", "random,cem",
+                      "--set", "cem.candidates=20", "--set", "cem.elites=100", "--db", "new.db"});
+  EXPECT_EQ(conflict.exit_status, 2) << conflict.err;
+  EXPECT_NE(conflict.err.find("planner 'cem' cannot be made"), std::string::npos) << conflict.err;
+  EXPECT_FALSE(std::filesystem::exists(place_->Path("new.db")));
   const ProgramResult unknown =
       place_->Runner({"eval", "1", "--planner", "mcts_wp", "--db", "e.db"});
   EXPECT_EQ(unknown.exit_status, 66) << unknown.err;
