@@ -166,7 +166,8 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
       "training", po::bool_switch(&training),
       "a decision of training episode I, kept by --record-trees")(
       "out", po::value(&out)->value_name("PREFIX"),
-      "what the two files' names begin with (runR_episodeI_decisionT; _training)");
+      "what the two files' names begin with, or a folder for them "
+      "(runR_episodeI_decisionT; _training)");
   flags.add(PluginPathFlag(&plugin_path));
   po::positional_options_description positional;
   positional.add("run", 1);
@@ -197,6 +198,13 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
                                             "there is no tree. `runner eval` evaluates it under "
                                             "a planner, and that run can be explained");
   }
+  const std::uint64_t episodes = spec.run.Integer("eval_episodes");
+  if (!training && static_cast<std::uint64_t>(episode) >= episodes) {
+    throw RunnerError(ExitCode::kUsage, "--episode: " + name + " is evaluated with " +
+                                            Counted(episodes, "episode") + ", expected 0 to " +
+                                            std::to_string(episodes - 1) + ", found " +
+                                            std::to_string(episode));
+  }
   nlohmann::json tree;
   if (training) {
     tree = KeptTree(database->RunFolder(subject.info), name,
@@ -222,10 +230,9 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   tree["phase"] = training ? "training" : "evaluation";
   tree["episode"] = episode;
   tree["decision"] = decision;
-  if (out.empty()) {
-    out = "run" + std::to_string(subject.info.run_id) + (training ? "_training" : "") + "_episode" +
-          std::to_string(episode) + "_decision" + std::to_string(decision);
-  }
+  out = OutputPath(out, "run" + std::to_string(subject.info.run_id) +
+                            (training ? "_training" : "") + "_episode" + std::to_string(episode) +
+                            "_decision" + std::to_string(decision));
   results::WriteFile(out + ".json", tree.dump() + "\n");
   results::WriteFile(out + ".html", TreePage(tree));
   PrintRoot(tree);

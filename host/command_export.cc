@@ -50,7 +50,7 @@ int ExportCommand(const std::vector<std::string>& arguments) {
                                                 "the trained run")(
       "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
       "out", po::value(&out)->value_name("FILE"),
-      "the file to write (TASK_PLANNER_seedN.safetensors here)");
+      "the file to write, or a folder for it (TASK_PLANNER_seedN.safetensors here)");
   flags.add(PluginPathFlag(&plugin_path));
   po::positional_options_description positional;
   positional.add("run", 1);
@@ -68,10 +68,8 @@ int ExportCommand(const std::vector<std::string>& arguments) {
   const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
   const RunSpec& spec = trained.spec;
-  if (out.empty()) {
-    out = spec.environment.name() + "_" + spec.planner.name() + "_seed" +
-          std::to_string(spec.seed) + ".safetensors";
-  }
+  out = OutputPath(out, spec.environment.name() + "_" + spec.planner.name() + "_seed" +
+                            std::to_string(spec.seed) + ".safetensors");
   const std::map<std::string, std::string> metadata = {
       {"run_uuid", trained.info.uuid},
       {"run_id", std::to_string(trained.info.run_id)},

@@ -453,6 +453,12 @@ void AddRecordingFlags(ProcessOptions* process, po::options_description* flags) 
 
 }  // namespace
 
+std::string OutputPath(const std::string& out, const std::string& name) {
+  std::error_code error;
+  const bool folder = out.ends_with('/') || std::filesystem::is_directory(out, error);
+  return out.empty() ? name : folder ? (std::filesystem::path(out) / name).string() : out;
+}
+
 po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
   po::options_description flags("Plugins");
   flags.add_options()

@@ -81,19 +81,23 @@ EvaluationOptions ParseEvaluationOptions(const std::vector<std::string>& argumen
 // The text of `runner eval --help`.
 std::string EvaluationHelp();
 
-// For subcommands. The flags that fill *process (all of ProcessOptions, without those
-// about recording and dry runs, or only --plugin-path); ParseFlags reads them with RunnerError instead of Boost's
-// errors. A flag may be given once unless its value is a vector. `command` is
-// for messages: "runner list".
-boost::program_options::options_description ProcessFlags(ProcessOptions* process);
+// The file that --out names: in a folder, which is there or ends in a slash, `name`;
+// `name` here if it is empty.
+std::string OutputPath(const std::string& out, const std::string& name);
+
+// For subcommands. The flags that fill *process: where and within which limits; with them
+// those that mean something to `runner eval`, to `runner resume`, and all; or only
+// --plugin-path. ParseFlags reads them with RunnerError instead of Boost's errors. A flag
+// may be given once unless its value is a vector. `command` is for messages:
+// "runner list".
 boost::program_options::options_description LimitFlags(ProcessOptions* process);
+boost::program_options::options_description EvaluationProcessFlags(ProcessOptions* process);
+boost::program_options::options_description ResumeFlags(ProcessOptions* process);
+boost::program_options::options_description ProcessFlags(ProcessOptions* process);
 boost::program_options::options_description PluginPathFlag(std::vector<std::string>* plugin_path);
 boost::program_options::variables_map ParseFlags(
     const std::string& command, const std::vector<std::string>& arguments,
     const boost::program_options::options_description& flags,
-boost::program_options::options_description EvaluationProcessFlags(ProcessOptions* process);
-boost::program_options::options_description ResumeFlags(ProcessOptions* process);
-boost::program_options::options_description ProcessFlags(ProcessOptions* process);
     const boost::program_options::positional_options_description& positional = {});
 
 }  // namespace dreamsearch

@@ -117,6 +117,16 @@ TEST_F(ExplainTest, ABrowserShowsEveryRootAction) {
   EXPECT_NE(dom.find(">played<"), std::string::npos);
 }
 
+TEST_F(ExplainTest, AFolderGetsFilesOfTheUsualName) {
+  std::filesystem::create_directory(place_->Path("trees"));
+  for (const char* out : {"trees", "trees/"}) {
+    ASSERT_EQ(Explain("1", "7", out).exit_status, 0);
+    EXPECT_EQ(Tree("trees/run1_episode0_decision7")["edges"], Tree("tree")["edges"]);
+    std::filesystem::remove(place_->Path("trees/run1_episode0_decision7.json"));
+  }
+  EXPECT_EQ(Explain("1", "7", "nowhere/").exit_status, 73);
+}
+
 TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
   const ProgramResult trained =
       place_->Runner(TinyRun("cartpole_balance", "mcts_pw", "kept.db", {"--record-trees"}));
@@ -143,16 +153,6 @@ TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
       place_->Runner({"explain", "1", "--training", "--decision", "0", "--db", "kept.db"});
   EXPECT_EQ(random.exit_status, 66) << random.err;
   EXPECT_NE(random.err.find("random"), std::string::npos) << random.err;
-}
-
-TEST_F(ExplainTest, SaysWhatItCannotShow) {
-  const ProgramResult beyond = Explain("1", "500", "x");
-  EXPECT_EQ(beyond.exit_status, 2) << beyond.err;
-  EXPECT_NE(beyond.err.find("expected 0 to 499"), std::string::npos) << beyond.err;
-  EXPECT_FALSE(std::filesystem::exists(place_->Path("x.json")));
-  const ProgramResult none = place_->Runner({"explain", "1", "--db", "e.db"});
-  EXPECT_EQ(none.exit_status, 2) << none.err;
-  EXPECT_NE(none.err.find("expected a run and a decision"), std::string::npos) << none.err;
 
   // Resumed, here from the beginning, it goes on keeping them.
   place_->Query("kept.db", "update run set status = 'queued', env_steps_done = 0");
@@ -165,6 +165,23 @@ TEST_F(ExplainTest, SaysWhatItCannotShow) {
   for (const std::filesystem::path& file : before) std::filesystem::remove(file);
   ASSERT_EQ(place_->Runner({"resume", "1", "--db", "kept.db"}).exit_status, 0);
   EXPECT_EQ(place_->Value("kept.db", "select count(*) from artifact where kind = 'trees'"), "3");
+}
+
+TEST_F(ExplainTest, SaysWhatItCannotShow) {
+  const ProgramResult beyond = Explain("1", "500", "x");
+  EXPECT_EQ(beyond.exit_status, 2) << beyond.err;
+  EXPECT_NE(beyond.err.find("expected 0 to 499"), std::string::npos) << beyond.err;
+  EXPECT_FALSE(std::filesystem::exists(place_->Path("x.json")));
+  const ProgramResult late = place_->Runner(
+      {"explain", "1", "--decision", "7", "--episode", "1", "--db", "e.db", "--out", "x"});
+  EXPECT_EQ(late.exit_status, 2) << late.err;
+  EXPECT_NE(late.err.find("is evaluated with 1 episode, expected 0 to 0, found 1"),
+            std::string::npos)
+      << late.err;
+  EXPECT_FALSE(std::filesystem::exists(place_->Path("x.json")));
+  const ProgramResult none = place_->Runner({"explain", "1", "--db", "e.db"});
+  EXPECT_EQ(none.exit_status, 2) << none.err;
+  EXPECT_NE(none.err.find("expected a run and a decision"), std::string::npos) << none.err;
 }
 
 }  // namespace
