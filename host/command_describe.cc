@@ -22,7 +22,8 @@ constexpr const char* kHelp =
     R"(runner describe [KIND/]NAME - parameters, presets and metrics of a component
 
 KIND is environment, model or planner; without it every component of that name is
-shown. `runner describe run` shows the runner's own parameters.
+shown. `runner describe PLUGIN` lists the components of a plugin, `runner describe run`
+shows the runner's own parameters.
 
 )";
 
@@ -107,7 +108,28 @@ void PrintRun() {
   PrintParameters("run", parameters);
 }
 
-// The components a text names: of one kind if it says so, otherwise of all.
+// Lists what a plugin offers; false if there is no plugin of that name.
+bool PrintPlugin(const Catalogue& catalogue, const std::string& name) {
+  std::vector<const ComponentInfo*> offered;
+  for (const auto& component : catalogue.components()) {
+    if (component->plugin.name == name) offered.push_back(component.get());
+  }
+  if (offered.empty()) return false;
+  const PluginInfo& plugin = offered.front()->plugin;
+  std::cout << "plugin " << plugin.name << ' ' << plugin.version << "\n  " << plugin.path << "\n\n";
+  TextTable table(2);
+  table.Row({"KIND", "NAME", "WHAT IT IS"});
+  for (const ComponentInfo* component : offered) {
+    table.Row({ComponentKindName(component->kind), component->name, component->summary});
+  }
+  table.Print(std::cout);
+  std::cout << "\n`runner describe " << ComponentKindName(offered.front()->kind) << '/'
+            << offered.front()->name << "` shows what can be set of one\n";
+  return true;
+}
+
+// The components a text names: of one kind if it says so, otherwise of all; empty if
+// there are none.
 std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalogue,
                                                         const std::string& text) {
   const auto slash = text.find('/');
@@ -133,15 +155,21 @@ std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalog
       if (error.code() != ExitCode::kNotFound) throw;
     }
   }
-  if (!found.empty()) return found;
+  return found;
+}
+
+[[noreturn]] void RefuseUnknown(const Catalogue& catalogue, const std::string& name) {
   std::vector<std::string> known;
   for (const auto& component : catalogue.components()) {
     known.push_back(std::string(ComponentKindName(component->kind)) + "/" + component->name);
   }
   std::vector<std::string> names = {"run"};
-  for (const auto& component : catalogue.components()) names.push_back(component->name);
-  std::string message =
-      "runner describe: no component '" + name + "'. Known: run, " + JoinNames(known) + ".";
+  for (const auto& component : catalogue.components()) {
+    names.push_back(component->name);
+    names.push_back(component->plugin.name);
+  }
+  std::string message = "runner describe: no component or plugin '" + name + "'. Known: run, " +
+                        JoinNames(known) + ".";
   const std::vector<std::string> near = NearestNames(name, names);
   if (!near.empty()) message += " Did you mean " + near.front() + "?";
   throw RunnerError(ExitCode::kNotFound, message);
@@ -173,8 +201,10 @@ int DescribeCommand(const std::vector<std::string>& arguments) {
     return static_cast<int>(ExitCode::kOk);
   }
   const Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path));
+  const std::vector<std::shared_ptr<const ComponentInfo>> components = Named(catalogue, name);
+  if (components.empty() && !PrintPlugin(catalogue, name)) RefuseUnknown(catalogue, name);
   bool first = true;
-  for (const auto& component : Named(catalogue, name)) {
+  for (const auto& component : components) {
     if (!first) std::cout << '\n';
     first = false;
     PrintComponent(*component);

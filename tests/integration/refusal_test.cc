@@ -106,6 +106,19 @@ TEST(DryRun, WarnsOfABudgetThatEndsBeforeLearning) {
   }
 }
 
+TEST(Describe, TakesAPluginsName) {
+  const Workplace place;
+  const ProgramResult plugin = place.Runner({"describe", "planner_shooting"});
+  EXPECT_EQ(plugin.exit_status, 0) << plugin.err;
+  for (const char* text :
+       {"plugin planner_shooting", "planner  cem ", "runner describe planner/"}) {
+    EXPECT_NE(plugin.out.find(text), std::string::npos) << plugin.out;
+  }
+  const ProgramResult misspelt = place.Runner({"describe", "planer_shooting"});
+  EXPECT_EQ(misspelt.exit_status, 66) << misspelt.err;
+  EXPECT_NE(misspelt.err.find("Did you mean planner_shooting?"), std::string::npos) << misspelt.err;
+}
+
 TEST(Help, OffersWhatMeansSomethingThere) {
   const Workplace place;
   const auto offers = [&](const char* command, const char* flag) {
