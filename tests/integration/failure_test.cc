@@ -30,10 +30,12 @@ class FailureTest : public testing::TestWithParam<Fault> {};
 std::vector<std::string> FaultyRun(const std::string& planners, const std::string& models,
                                    const std::string& db,
                                    const std::vector<std::string>& more = {}) {
-  std::vector<std::string> arguments = {
-      "--env",   "cartpole_balance", "--planner",     planners,
-      "--model", models,             "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR,
-      "--db",    db,                 "--steps",       "2000"};
+  std::vector<std::string> arguments = {"--env",         "cartpole_balance",
+                                        "--planner",     planners,
+                                        "--model",       models,
+                                        "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR,
+                                        "--db",          db,
+                                        "--steps",       "2000"};
   for (const char* setting :
        {"run.prefill_steps=1000", "run.pretrain_updates=2", "run.train_every=500",
         "run.batch_size=2", "run.sequence_length=8", "run.eval_episodes=1", "dreamer.hidden=8",
@@ -50,36 +52,34 @@ TEST_P(FailureTest, EndsItsRunAndTheSweepGoesOn) {
   const Workplace place;
   const std::string planners =
       std::string(fault.planner) == "dreamer" ? "dreamer" : std::string(fault.planner) + ",dreamer";
-  const std::string models = std::string(fault.model) == "dreamer"
-                                 ? "dreamer"
-                                 : std::string(fault.model) + ",dreamer";
+  const std::string models =
+      std::string(fault.model) == "dreamer" ? "dreamer" : std::string(fault.model) + ",dreamer";
   const ProgramResult result =
       place.Runner(FaultyRun(planners, models, "f.db", {"--hang-timeout", "1"}));
   EXPECT_EQ(result.exit_status, fault.exit_status) << result.err;
-  const std::string bad = std::string("planner = '") + fault.planner + "' and model = '" +
-                          fault.model + "'";
-  EXPECT_EQ(place.Value("f.db", "select status from run where " + bad), fault.status)
-      << result.err;
+  const std::string bad =
+      std::string("planner = '") + fault.planner + "' and model = '" + fault.model + "'";
+  EXPECT_EQ(place.Value("f.db", "select status from run where " + bad), fault.status) << result.err;
   const std::string error = place.Value("f.db", "select error from run where " + bad);
   EXPECT_NE(error.find(fault.message), std::string::npos) << error;
-  EXPECT_EQ(place.Value("f.db", "select status from run where planner = 'dreamer' and model = "
-                                "'dreamer'"),
+  EXPECT_EQ(place.Value("f.db",
+                        "select status from run where planner = 'dreamer' and model = "
+                        "'dreamer'"),
             "finished")
       << result.err;
 }
 
 INSTANTIATE_TEST_SUITE_P(
     Faults, FailureTest,
-    testing::Values(
-        Fault{"nan_action", "dreamer", "diverged", 72, "nan_action"},
-        Fault{"outside_action", "dreamer", "failed", 70, "outside_action"},
-        Fault{"throwing_planner", "dreamer", "crashed", 71, "thrown on purpose"},
-        Fault{"segfault_planner", "dreamer", "crashed", 71, "signal 11"},
-        Fault{"exiting_planner", "dreamer", "crashed", 71, "without finishing"},
-        Fault{"hanging_planner", "dreamer", "crashed", 71, "no sign of life"},
-        Fault{"null_planner", "dreamer", "failed", 70, "null_planner"},
-        Fault{"dreamer", "nan_model", "diverged", 72, "nan_model"},
-        Fault{"dreamer", "wrong_size_model", "failed", 70, "wrong_size_model"}),
+    testing::Values(Fault{"nan_action", "dreamer", "diverged", 72, "nan_action"},
+                    Fault{"outside_action", "dreamer", "failed", 70, "outside_action"},
+                    Fault{"throwing_planner", "dreamer", "crashed", 71, "thrown on purpose"},
+                    Fault{"segfault_planner", "dreamer", "crashed", 71, "signal 11"},
+                    Fault{"exiting_planner", "dreamer", "crashed", 71, "without finishing"},
+                    Fault{"hanging_planner", "dreamer", "crashed", 71, "no sign of life"},
+                    Fault{"null_planner", "dreamer", "failed", 70, "null_planner"},
+                    Fault{"dreamer", "nan_model", "diverged", 72, "nan_model"},
+                    Fault{"dreamer", "wrong_size_model", "failed", 70, "wrong_size_model"}),
     [](const auto& tested) {
       return std::string(tested.param.planner) + "_on_" + tested.param.model;
     });
@@ -111,9 +111,10 @@ bool WaitUntilItSleeps(const Workplace& place, int run = 1) {
 }
 
 void KillSleepers(const Workplace& place) {
-  for (const std::string& pid : place.Query("f.db", "select pid from segment where run_id in "
-                                                    "(select run_id from run where planner = "
-                                                    "'sleeping_planner' and status = 'running')")) {
+  for (const std::string& pid : place.Query("f.db",
+                                            "select pid from segment where run_id in "
+                                            "(select run_id from run where planner = "
+                                            "'sleeping_planner' and status = 'running')")) {
     ::kill(std::stoi(pid), SIGKILL);
   }
 }
@@ -126,8 +127,9 @@ TEST(StopTest, ARunThatDoesNotEndAtItsTimeLimitIsKilled) {
   EXPECT_EQ(place.Value("f.db", "select status from run"), "killed") << result.err;
   EXPECT_NE(result.err.find("did not stop within 1 s of its time limit of 3 s"), std::string::npos)
       << result.err;
-  EXPECT_EQ(place.Value("f.db", "select e.detail = r.error and e.env_step >= 1000 from event e "
-                                "join run r using (run_id) where e.kind = r.status"),
+  EXPECT_EQ(place.Value("f.db",
+                        "select e.detail = r.error and e.env_step >= 1000 from event e "
+                        "join run r using (run_id) where e.kind = r.status"),
             "1");
 }
 
@@ -236,8 +238,8 @@ TEST(SupervisorTest, ARunThatCannotBeStartedFailsAlone) {
 // A second runner on the same runs comes upon the failure of one that the first has planned.
 TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
   const Workplace place;
-  const pid_t first = place.Start(
-      FaultyRun("sleeping_planner,null_planner", "dreamer", "f.db", {"--jobs", "1"}));
+  const pid_t first =
+      place.Start(FaultyRun("sleeping_planner,null_planner", "dreamer", "f.db", {"--jobs", "1"}));
   ASSERT_TRUE(WaitUntilItSleeps(place));
   const ProgramResult second = place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
   EXPECT_EQ(second.exit_status, 70) << second.err;
@@ -246,8 +248,9 @@ TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
   EXPECT_EQ(result.exit_status, 71) << result.err;
   EXPECT_NE(result.err.find("left alone cartpole_balance null_planner seed 0"), std::string::npos)
       << result.err;
-  EXPECT_EQ(place.Value("f.db", "select count(*) from segment join run using (run_id) "
-                                "where planner = 'null_planner'"),
+  EXPECT_EQ(place.Value("f.db",
+                        "select count(*) from segment join run using (run_id) "
+                        "where planner = 'null_planner'"),
             "1");
 }
 
@@ -265,10 +268,11 @@ TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
   EXPECT_EQ(result.exit_status, 70) << result.err;
   EXPECT_NE(result.err.find("null_planner"), std::string::npos) << result.err;
   EXPECT_EQ(place.Value("f.db", "select count(*) from segment"), "2");
+}
 
 // A tiny training with components of the plugin `faulty`.
-std::vector<std::string> FaultyRun(const std::string& environment, const std::string& model,
-                                   const std::vector<std::string>& more = {}) {
+std::vector<std::string> FaultyTraining(const std::string& environment, const std::string& model,
+                                        const std::vector<std::string>& more = {}) {
   std::vector<std::string> arguments = {"--env",          environment,
                                         "--planner",      "random",
                                         "--model",        model,
@@ -292,12 +296,13 @@ TEST(Claims, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
       {"equal_bounds", "says action_high[1] = -1, expected a finite number above action_low[1]"}};
   const Workplace place;
   for (const auto& [environment, message] : cases) {
-    const ProgramResult dry = place.Runner(FaultyRun(environment, "idle_model", {"--dry-run"}));
+    const ProgramResult dry =
+        place.Runner(FaultyTraining(environment, "idle_model", {"--dry-run"}));
     EXPECT_EQ(dry.exit_status, 69) << dry.err;
     EXPECT_NE(dry.err.find(message), std::string::npos) << dry.err;
     EXPECT_NE(dry.err.find("plugin faulty"), std::string::npos) << dry.err;
   }
-  const ProgramResult real = place.Runner(FaultyRun("no_steps", "idle_model"));
+  const ProgramResult real = place.Runner(FaultyTraining("no_steps", "idle_model"));
   EXPECT_EQ(real.exit_status, 69) << real.err;
   EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
 }
@@ -305,7 +310,7 @@ TEST(Claims, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
 TEST(Claims, OfAModelCostItsRunAlone) {
   const Workplace place;
   const ProgramResult result =
-      place.Runner(FaultyRun("good_environment", "no_latent,odd_latent,idle_model"));
+      place.Runner(FaultyTraining("good_environment", "no_latent,odd_latent,idle_model"));
   EXPECT_EQ(result.exit_status, 69) << result.err;
   const auto run = [&](const std::string& model, const std::string& column) {
     return place.Value("f.db", "select " + column + " from run where model = '" + model + "'");
@@ -321,7 +326,7 @@ TEST(Claims, OfAModelCostItsRunAlone) {
 TEST(Claims, AnEpisodeEndsWhenTheEnvironmentSaidItWould) {
   const Workplace place;
   for (const char* environment : {"endless", "endless_training"}) {
-    const ProgramResult result = place.Runner(FaultyRun(environment, "idle_model"));
+    const ProgramResult result = place.Runner(FaultyTraining(environment, "idle_model"));
     EXPECT_EQ(result.exit_status, 69) << result.err;
     EXPECT_NE(result.err.find("goes on after 10"), std::string::npos) << result.err;
   }
