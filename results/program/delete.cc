@@ -82,7 +82,11 @@ int DeleteCommand(const Words& words) {
     if (yes && arguments.Has("files") && IsUuid(run.uuid)) {
       std::error_code error;
       const std::string folder = database->RunFolder(run);
-      std::filesystem::remove_all(folder, error);
+      if (folder == database->path() + ".files/" + run.uuid) {
+        std::filesystem::remove_all(folder, error);
+      } else if (std::filesystem::exists(folder, error)) {
+        std::cerr << "kept " << folder << ": it belongs to the database it was merged from\n";
+      }
       if (error) std::cerr << "warning: " << folder << ": " << error.message() << "\n";
     }
   }

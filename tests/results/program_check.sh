@@ -87,6 +87,12 @@ expect 0 "as they were written" "$results" verify --db "$folder/merged.db"
 expect 66 "no such database" "$results" merge --db "$folder/merged.db" "$folder/none.db"
 sqlite3 "$folder/merged.db" "UPDATE episode SET length = length + 1 WHERE run_id = 2 AND phase = 0 AND episode = 3"
 expect 78 "run 2" "$results" verify --db "$folder/merged.db"
+# Files that a merged run has in another database's folder are not this one's to delete.
+kept="$folder/$(dirname "$(sqlite3 "$folder/merged.db" "SELECT log_path FROM run WHERE run_id = 3")")"
+mkdir -p "$kept"
+expect 0 "kept .*/$(basename "$kept"): it belongs" "$results" delete 3 --files --yes --db "$folder/merged.db"
+if [ ! -d "$kept" ]; then failures=$((failures + 1)); echo "FAILED: files of a merged run's source are gone"; fi
+rm -r "$kept"
 
 expect 0 "would delete run 1" "$results" delete 1 --db "$folder/copy.db"
 expect 0 "walker_walk" "$results" show 1 --db "$folder/copy.db"

@@ -42,7 +42,8 @@ struct EnvironmentSpec {
 };
 
 // What one step gave. `discount` is 0 at a terminal state and 1 elsewhere, the
-// time limit included; `last` says that the episode is over.
+// time limit included; `last` says that the episode is over, after episode_steps at the
+// latest: a run whose episode goes on is refused.
 struct StepResult {
   double reward = 0;
   double discount = 1;
