@@ -36,5 +36,5 @@ What to type next:
   $bin/runner --env walker_walk --planner dreamer,mcts_pw --seeds 3    compare with Dreamer (about an hour)
   $bin/runner list                                                     tasks, models, planners
   $bin/runner describe mcts_pw                                         what can be set
-  $bin/results curves --db $db --out curve.csv          the numbers behind the curve
+  $bin/results curves --db $db --out curve.csv    the numbers behind the curve
 EOT
