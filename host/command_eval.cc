@@ -168,16 +168,9 @@ int EvalCommand(const std::vector<std::string>& arguments) {
 
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::size_t finished = 0;
-  int failed_before = 0;  // exit code of the first run that is left alone because it failed
+  const int failed_before = SayLeftAlone(database.get(), planned);
   for (const PlannedRun& run : planned) {
-    if (run.action == Action::kSkipFailed && failed_before == 0) {
-      failed_before = FailureCode(*database->GetRun(run.run_id));
-    }
     if (run.action == Action::kSkipFinished) ++finished;
-    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
-      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
-                << RunLabel(run.spec) << ": " << run.note << "\n";
-    }
   }
   std::vector<std::string> argv = {"runner", "eval"};
   argv.insert(argv.end(), arguments.begin(), arguments.end());

@@ -196,17 +196,8 @@ int RunCommand(const std::vector<std::string>& arguments) {
   }
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::map<Action, int> counts;
-  int failed_before = 0;  // exit code of the first run that is left alone because it failed
-  for (const PlannedRun& run : planned) {
-    ++counts[run.action];
-    if (run.action == Action::kSkipFailed && failed_before == 0) {
-      failed_before = FailureCode(*database->GetRun(run.run_id));
-    }
-    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
-      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
-                << RunLabel(run.spec) << ": " << run.note << "\n";
-    }
-  }
+  const int failed_before = SayLeftAlone(database.get(), planned);
+  for (const PlannedRun& run : planned) ++counts[run.action];
   std::cerr << Counted(planned.size(), "run") << ":";
   for (const auto& [action, count] : counts) {
     std::cerr << " " << count << " to " << ActionText(action) << (action == counts.rbegin()->first ? "" : ",");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 
@@ -271,6 +272,20 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     WriteSpec(jobs.back().work);
   }
   return jobs;
+}
+
+int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned) {
+  int failed_before = 0;
+  for (const PlannedRun& run : planned) {
+    if (run.action == Action::kSkipFailed && failed_before == 0) {
+      failed_before = FailureCode(*database->GetRun(run.run_id));
+    }
+    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
+      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
+                << RunLabel(run.spec) << ": " << run.note << "\n";
+    }
+  }
+  return failed_before;
 }
 
 int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result) {

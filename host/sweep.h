@@ -46,6 +46,10 @@ struct PlannedRun {
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
 
+// Says which runs are left alone or refused, and why. Returns the exit code of the first
+// of them that failed before, 0 if none did.
+int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned);
+
 // What the command ends with: 75 if it was stopped, else 69 if a run was refused, else
 // what its jobs ended with.
 int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result);
