@@ -20,9 +20,9 @@
 #include <memory>
 #include <vector>
 
-#include "plugins/model_dreamer/layers.h"
+#include "plugins/networks/layers.h"
 #include "plugins/model_dreamer/settings.h"
-#include "plugins/model_dreamer/task_threads.h"
+#include "plugins/networks/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
 
 namespace dreamsearch::dreamer {

@@ -5,7 +5,7 @@
 #include <exception>
 #include <string>
 
-#include "plugins/model_dreamer/noise.h"
+#include "plugins/networks/noise.h"
 
 namespace dreamsearch::dreamer {
 namespace {

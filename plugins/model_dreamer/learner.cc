@@ -5,7 +5,7 @@
 #include <initializer_list>
 
 #include "dreamsearch/random.h"
-#include "plugins/model_dreamer/noise.h"
+#include "plugins/networks/noise.h"
 
 namespace dreamsearch::dreamer {
 namespace {

@@ -12,7 +12,7 @@
 #include "dreamsearch/model.h"
 #include "plugins/model_dreamer/behaviour.h"
 #include "plugins/model_dreamer/settings.h"
-#include "plugins/model_dreamer/task_threads.h"
+#include "plugins/networks/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
 
 namespace dreamsearch::dreamer {

@@ -6,9 +6,12 @@
 #pragma once
 
 #include "dreamsearch/parameter.h"
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
 namespace dreamsearch::dreamer {
+
+// The model is written in terms of what learned models share.
+using namespace networks;
 
 struct Settings {
   // Sizes.

@@ -15,7 +15,7 @@
 
 #include "batches.h"
 #include "dreamsearch/random.h"
-#include "plugins/model_dreamer/noise.h"
+#include "plugins/networks/noise.h"
 
 // Counts what the program allocates, Eigen's memory and aligned memory included.
 // The sanitizers bring an allocator of their own, which is left alone.

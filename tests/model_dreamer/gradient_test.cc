@@ -20,7 +20,7 @@
 #include "batches.h"
 #include "dreamsearch/random.h"
 #include "plugins/model_dreamer/behaviour.h"
-#include "plugins/model_dreamer/layers.h"
+#include "plugins/networks/layers.h"
 #include "plugins/model_dreamer/learner.h"
 
 namespace dreamsearch::dreamer {

@@ -13,7 +13,7 @@
 #include "dreamsearch/model.h"
 #include "dreamsearch/random.h"
 #include "plugins/model_dreamer/learner.h"
-#include "plugins/model_dreamer/noise.h"
+#include "plugins/networks/noise.h"
 
 namespace dreamsearch::dreamer {
 

@@ -1,11 +1,11 @@
-#include "plugins/model_dreamer/layers.h"
+#include "plugins/networks/layers.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "dreamsearch/random.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 namespace {
 
 // Columns taken through all layers together: their activations stay in the
@@ -180,4 +180,4 @@ DREAMER_INSTANTIATE(float)
 DREAMER_INSTANTIATE(double)
 #undef DREAMER_INSTANTIATE
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

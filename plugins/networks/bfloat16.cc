@@ -1,4 +1,4 @@
-#include "plugins/model_dreamer/bfloat16.h"
+#include "plugins/networks/bfloat16.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -19,7 +19,7 @@
 // and every float tile is a block of a column-major matrix. Tiles are stored one
 // after another, zero beyond the edges: left and right [block][k block][512].
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 #if defined(__x86_64__)
 
@@ -482,4 +482,4 @@ void AddRoundedOuterProduct(Mat<const float>, Mat<const float>, Mat<float>, Bflo
 
 #endif
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

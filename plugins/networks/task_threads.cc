@@ -1,4 +1,4 @@
-#include "plugins/model_dreamer/task_threads.h"
+#include "plugins/networks/task_threads.h"
 
 #include <pthread.h>
 
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 void Progress::Reach(Index mark) {
   const std::lock_guard lock(mutex_);
@@ -100,4 +100,4 @@ void TaskThreads::Work(std::unique_lock<std::mutex>* lock) {
   }
 }
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -12,7 +12,7 @@
 #include <new>
 #include <type_traits>
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 using Index = std::int64_t;
 
@@ -87,4 +87,4 @@ void Copy(Mat<const std::type_identity_t<T>> from, Mat<T> to) {
   }
 }
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 // Whether this processor and system have the tile unit. Asks the system for it.
 bool Bfloat16Available();
@@ -66,4 +66,4 @@ class Bfloat16Weights {
 void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw,
                             Bfloat16Scratch* scratch);
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

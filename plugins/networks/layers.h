@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "plugins/model_dreamer/bfloat16.h"
-#include "plugins/model_dreamer/elementwise.h"
-#include "plugins/model_dreamer/matrix.h"
-#include "plugins/model_dreamer/product.h"
+#include "plugins/networks/bfloat16.h"
+#include "plugins/networks/elementwise.h"
+#include "plugins/networks/matrix.h"
+#include "plugins/networks/product.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 // How a tensor gets its first values.
 enum class Initial { kZero, kOne, kGlorot, kOrthogonal, kGlorotHundredth };
@@ -338,4 +338,4 @@ class Mlp {
   std::vector<Activation> activation_;
 };
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -7,9 +7,9 @@
 
 #include <type_traits>
 
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 // y += w x. w: [out, in], x: [in, n], y: [out, n].
 template <typename T>
@@ -26,4 +26,4 @@ template <typename T>
 void AddOuterProduct(Mat<const std::type_identity_t<T>> dy, Mat<const std::type_identity_t<T>> x,
                      Mat<T> dw);
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

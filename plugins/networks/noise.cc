@@ -1,4 +1,4 @@
-#include "plugins/model_dreamer/noise.h"
+#include "plugins/networks/noise.h"
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -6,7 +6,7 @@
 
 #include "dreamsearch/random.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 namespace {
 
 constexpr Index kPairs = 64;  // a block, small enough for the first-level cache
@@ -45,4 +45,4 @@ void FillNormal(std::uint64_t seed, double* draws, Index count) {
   }
 }
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

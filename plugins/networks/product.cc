@@ -1,4 +1,4 @@
-#include "plugins/model_dreamer/product.h"
+#include "plugins/networks/product.h"
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <immintrin.h>
 #endif
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 namespace {
 
 // Eigen takes a packing buffer from the stack if it is small enough (CMakeLists.txt says
@@ -161,4 +161,4 @@ DREAMER_INSTANTIATE(float)
 DREAMER_INSTANTIATE(double)
 #undef DREAMER_INSTANTIATE
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -7,9 +7,9 @@
 
 #include <type_traits>
 
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 template <typename T>
 using In = Mat<const std::type_identity_t<T>>;
@@ -139,4 +139,4 @@ double SumOfSquares(const T* x, Index count);
 template <typename T>
 void MoveTowards(const T* fast, T rate, Index count, T* slow);
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -12,9 +12,9 @@
 #include <thread>
 #include <vector>
 
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 // How far a task has come, for tasks of the same run that use what it writes. A task may
 // wait only for tasks of smaller numbers: those have begun, so the wait ends.
@@ -101,4 +101,4 @@ class TaskThreads {
   std::vector<std::thread> helpers_;
 };
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -1,4 +1,4 @@
-#include "plugins/model_dreamer/elementwise.h"
+#include "plugins/networks/elementwise.h"
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include <immintrin.h>
 #endif
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 namespace {
 
 constexpr int kLane = 16;
@@ -497,4 +497,4 @@ DREAMER_INSTANTIATE(float)
 DREAMER_INSTANTIATE(double)
 #undef DREAMER_INSTANTIATE
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks

@@ -7,12 +7,12 @@
 
 #include <cstdint>
 
-#include "plugins/model_dreamer/matrix.h"
+#include "plugins/networks/matrix.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch::networks {
 
 // Fills draws[0 ... count - 1]. The largest size is sqrt(2 ln 2^24) = 5.8.
 void FillNormal(std::uint64_t seed, float* draws, Index count);
 void FillNormal(std::uint64_t seed, double* draws, Index count);
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch::networks
