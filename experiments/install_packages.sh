@@ -6,13 +6,14 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build git
-  libeigen3-dev libmujoco-dev
+  pkg-config libhwy-dev libmujoco-dev
   libboost-dev libboost-program-options-dev
   libsqlite3-dev libssl-dev nlohmann-json3-dev
   sqlite3 gnuplot-nox libjs-chart.js
 )
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
+             libeigen3-dev libdnnl-dev libxsmm-dev
              python3 python3-numpy python3-scipy chromium)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2

@@ -16,7 +16,6 @@ set(content "#pragma once
 #define DREAMSEARCH_BUILD_COMMIT \"${commit}\"
 #define DREAMSEARCH_BUILD_DIRTY ${dirty}
 #define DREAMSEARCH_BUILD_FLAGS \"${FLAGS}\"
-#define DREAMSEARCH_BUILD_NATIVE ${NATIVE}
 ")
 set(old "")
 if(EXISTS ${OUTPUT})

@@ -89,8 +89,8 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
   std::string changed = ChangedFile(spec);
   if (!changed.empty()) changed = "plugin " + changed;
   const std::string instruction_set = database->GetBuild(run.build_id).instruction_set;
-  if (changed.empty() && instruction_set != InstructionSet()) {
-    changed = "instruction set (" + instruction_set + " then, " + InstructionSet() + " now)";
+  if (changed.empty() && instruction_set != InstructionSetInUse()) {
+    changed = "instruction set (" + instruction_set + " then, " + InstructionSetInUse() + " now)";
   }
   if (!changed.empty()) {
     if (!force) {

@@ -12,6 +12,7 @@
 #include "commands.h"
 #include "error.h"
 #include "probe.h"
+#include "provenance.h"
 #include "results/error.h"
 #include "worker.h"
 
@@ -68,6 +69,7 @@ int main(int argc, char** argv) {
   ::signal(SIGPIPE, SIG_IGN);
   int status = 0;
   try {
+    dreamsearch::CheckInstructionSet();
     status = dreamsearch::Dispatch({argv + 1, argv + argc});
   } catch (const dreamsearch::RunnerError& error) {
     std::cerr << "error: " << error.what() << std::endl;

@@ -1,52 +1,38 @@
 #include "provenance.h"
 
-#include <sys/syscall.h>
 #include <sys/sysinfo.h>
 #include <sys/utsname.h>
 #include <unistd.h>
-#if defined(__x86_64__)
-#include <cpuid.h>
-#endif
 
 #include <boost/version.hpp>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <vector>
 
+#include "dreamsearch/instruction_set.h"
 #include "dreamsearch/version.h"
 #include "dreamsearch_build_info.h"
+#include "error.h"
 
 namespace dreamsearch {
 
-namespace {
+std::string InstructionSetInUse() { return InstructionSetName(ChosenInstructionSet()); }
 
-// Whether the system lets this process use the tile unit's bfloat16 products, which
-// plugins choose while they run, whatever they were compiled for.
-bool HasTiles() {
-#if defined(__x86_64__)
-  unsigned a = 0, b = 0, c = 0, d = 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
-  if ((d >> 22 & 1) == 0 || (d >> 24 & 1) == 0) return false;  // amx-bf16, amx-tile
-  constexpr long kRequestPermission = 0x1023;                  // ARCH_REQ_XCOMP_PERM
-  constexpr long kTileData = 18;
-  return ::syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0;
-#else
-  return false;
-#endif
-}
-
-}  // namespace
-
-std::string InstructionSet() {
-  static const bool tiles = HasTiles();
-  std::string set = "x86-64";
-#if DREAMSEARCH_BUILD_NATIVE
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) set = "avx2";
-  if (__builtin_cpu_supports("avx512f")) set = "avx512";
-  if (__builtin_cpu_supports("avx512bf16")) set += "+bf16";
-#endif
-  return tiles ? set + "+amx" : set;
+void CheckInstructionSet() {
+  const char* name = std::getenv(kInstructionSetVariable);
+  if (name == nullptr) return;
+  std::vector<std::string> here;
+  for (const InstructionSet set : kInstructionSets) {
+    if (set <= BestInstructionSet()) here.push_back(InstructionSetName(set));
+  }
+  InstructionSet asked{};
+  if (!ParseInstructionSet(name, &asked) || asked > BestInstructionSet()) {
+    throw RunnerError(ExitCode::kUsage, std::string(kInstructionSetVariable) + "=" + name +
+                                            ": expected an instruction set of this processor: " +
+                                            JoinNames(here) + "; or unset it for the last");
+  }
 }
 
 results::BuildInfo ThisBuild() {
@@ -56,7 +42,7 @@ results::BuildInfo ThisBuild() {
   build.dirty = DREAMSEARCH_BUILD_DIRTY;
   build.compiler = "g++ " __VERSION__;
   build.flags = DREAMSEARCH_BUILD_FLAGS;
-  build.instruction_set = InstructionSet();
+  build.instruction_set = InstructionSetInUse();
   build.libraries = nlohmann::json{{"boost", BOOST_LIB_VERSION}}.dump();
   return build;
 }

@@ -13,8 +13,12 @@ results::BuildInfo ThisBuild();
 // Name, processor, cores, memory and system of this machine.
 results::HostInfo ThisHost();
 
-// The vector instructions that numeric code may use here: what the build allows
-// and the processor has. Products differ in their last bits between them.
-std::string InstructionSet();
+// The name of the instruction set that every kernel of this process computes with.
+// Products differ in their last bits between sets.
+std::string InstructionSetInUse();
+
+// Throws RunnerError 2 if DREAMSEARCH_INSTRUCTION_SET names no set, or one that this
+// processor lacks.
+void CheckInstructionSet();
 
 }  // namespace dreamsearch

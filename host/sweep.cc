@@ -95,7 +95,7 @@ std::string WhyNotResumable(results::Database* database, const results::RunInfo&
     const nlohmann::json header = nlohmann::json::parse(loaded->sections["header"], nullptr, false);
     const auto then = header.find("plugins");
     if (then == header.end()) return "its checkpoint has no header";
-    if (replace && Text(header, "instruction_set") != InstructionSet()) {
+    if (replace && Text(header, "instruction_set") != InstructionSetInUse()) {
       return "its checkpoint was made with another instruction set";
     }
     return ChangedPlugin(*then, spec);

@@ -77,7 +77,7 @@ std::string CheckpointHeader(const RunSpec& spec) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
   }
-  header["instruction_set"] = InstructionSet();
+  header["instruction_set"] = InstructionSetInUse();
   return header.dump();
 }
 
@@ -99,11 +99,11 @@ void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
                             ". Use the old one, another --study, or --replace to start over");
     }
   }
-  if (stored.value("instruction_set", "") != InstructionSet() && !job.force) {
+  if (stored.value("instruction_set", "") != InstructionSetInUse() && !job.force) {
     throw RunnerError(ExitCode::kPluginRefused,
                       path.string() + " was made with the instruction set " +
                           stored.value("instruction_set", "?") + ", this process has " +
-                          InstructionSet() +
+                          InstructionSetInUse() +
                           "; the bits would differ. Resume on the old kind of machine, or go on "
                           "with `runner resume --force`");
   }
@@ -164,7 +164,7 @@ int Work(const WorkerJob& job) {
   segment.pid = ::getpid();
   segment.host_id = database->Host(ThisHost());
   segment.build_id = database->Build(ThisBuild());
-  segment.instruction_set = InstructionSet();
+  segment.instruction_set = InstructionSetInUse();
   if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
   writer.BeginSegment(segment, loaded ? ResumePointOf(job, loaded->sections) : results::ResumePoint());
 

@@ -117,8 +117,8 @@ class Behaviour {
 
   // Makes both groups' parameters; see ParameterGroup::Allocate.
   void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding);
-  // Remakes the rounded weights, the slow critic's too.
-  void Round();
+  // Lays the weights out anew, the slow critic's too; after any of them has changed.
+  void Pack();
 
   // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
   // starts out and returns how many lanes there are; DreamIn dreams in one of them and
@@ -160,6 +160,7 @@ class Behaviour {
   ParameterGroup<T> value_group_{"value"};
   Mlp actor_, value_;
   std::vector<T> slow_;
+  std::unique_ptr<PackedWeights<T>> slow_packed_;
   std::unique_ptr<Bfloat16Weights> slow_rounded_;
   std::vector<T> returns_;
 

@@ -108,7 +108,7 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
   world_.group().Allocate(DeriveSeed(seed, kModelParameters), rounding);
   behaviour_.Allocate(DeriveSeed(seed, kActorParameters), DeriveSeed(seed, kValueParameters),
                       rounding);
-  RoundWeights();
+  PackWeights();
   statistics_.mean.assign(static_cast<std::size_t>(o_), 0.0);
   statistics_.variance.assign(static_cast<std::size_t>(o_), 1.0);
   next_statistics_ = statistics_;
@@ -323,12 +323,12 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
   threads_.Run(2, [&](Index task) {
     if (task == 0) {
       step(world_.group(), settings_.model_learning_rate, losses.model_gradient_norm);
-      world_.group().Round();
+      world_.group().Pack();
     } else {
       step(behaviour_.actor(), settings_.actor_learning_rate, losses.actor_gradient_norm);
       step(behaviour_.value(), settings_.value_learning_rate, losses.value_gradient_norm);
       if (settings_.slow_critic_weight > 0) behaviour_.UpdateSlow();
-      behaviour_.Round();
+      behaviour_.Pack();
     }
   });
   if (settings_.percentile_return_scale) {
@@ -343,9 +343,9 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
 }
 
 template <typename T>
-void Learner<T>::RoundWeights() {
-  world_.group().Round();
-  behaviour_.Round();
+void Learner<T>::PackWeights() {
+  world_.group().Pack();
+  behaviour_.Pack();
 }
 
 template <typename T>
@@ -427,7 +427,7 @@ Status Learner<T>::Load(ByteSource* source) {
   if (status.ok()) {
     status = ReadArray(source, behaviour_.slow().data(), behaviour_.value().size());
   }
-  RoundWeights();
+  PackWeights();
   return status;
 }
 

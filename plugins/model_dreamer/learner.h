@@ -54,15 +54,18 @@ class Learner {
   Status Update(const TrainRequest& request, UpdateLosses* losses);
 
   // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients may be
-  // called again after a parameter has changed (with float products: the rounded weights
-  // change in Apply and Load); it is FitGradients, then DreamGradients
-  // with the dream's constants held at `stops`, but all of them on the threads at once.
+  // called again after a parameter has changed and PackWeights; it is FitGradients, then
+  // DreamGradients with the dream's constants held at `stops`, but all of them on the
+  // threads at once.
   Status Read(const SequenceBatch& batch, std::uint64_t seed);
   void Gradients(UpdateLosses* losses);
   void FitGradients(UpdateLosses* losses);
   void DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops = nullptr);
   Status CheckFinite(const UpdateLosses& losses, std::uint64_t update) const;
   void Apply(const UpdateLosses& losses);
+
+  // Lays the weights out for products; after parameters were changed from outside.
+  void PackWeights();
 
   // x = clip((o - mean) / max(deviation, floor)), or o itself. observations: [n,
   // O] row-major, x: [O, n].
@@ -75,8 +78,6 @@ class Learner {
   Status Export(TensorSink* sink) const;
 
  private:
-  // After a change of all parameters.
-  void RoundWeights();
   // Of the saved state: names and shapes of all tensors, as a number.
   std::uint64_t Architecture() const;
   // Shares the dream out and returns the number of its tasks, which are to be begun in

@@ -4,10 +4,7 @@
 #include <cstdlib>
 
 #if defined(__x86_64__)
-#include <cpuid.h>
 #include <immintrin.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 #endif
 
 // The unit multiplies a left tile, 16 rows of 32 factors, by a right tile, 32 rows
@@ -275,83 +272,11 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
   }
 }
 
-// As many columns as are cheaper one by one than as the rows of a tile.
-constexpr Index kFewColumns = 3;
-
-// y[0, 16 N) = start + (N blocks of tiles) x for one column, without the tile unit: a
-// line of a right tile holds pairs of factors of 16 outputs. Two sums an output, over
-// the even and the odd pairs, keep the multiplier busy.
-template <int N>
-TILE_TARGET inline void MultiplyBlocks(const std::uint16_t* tiles, Index depth,
-                                       const std::uint32_t* pairs, const float* start, Index rows,
-                                       float* y) {
-  const Index stride = depth * kTile;
-  __m512 even[N], odd[N];
-  for (int q = 0; q < N; ++q) {
-    even[q] = start == nullptr ? _mm512_setzero_ps()
-                               : _mm512_maskz_loadu_ps(Mask(rows - 16 * q), start + 16 * q);
-    odd[q] = _mm512_setzero_ps();
-  }
-  for (Index k = 0; k < depth * kRows; k += 2) {
-    const auto first = reinterpret_cast<__m512bh>(_mm512_set1_epi32(static_cast<int>(pairs[k])));
-    const auto second =
-        reinterpret_cast<__m512bh>(_mm512_set1_epi32(static_cast<int>(pairs[k + 1])));
-    const std::uint16_t* line = tiles + k * kDepth;
-    for (int q = 0; q < N; ++q) {
-      even[q] = _mm512_dpbf16_ps(
-          even[q], reinterpret_cast<__m512bh>(_mm512_load_si512(line + q * stride)), first);
-      odd[q] = _mm512_dpbf16_ps(
-          odd[q], reinterpret_cast<__m512bh>(_mm512_load_si512(line + q * stride + kDepth)),
-          second);
-    }
-  }
-  for (int q = 0; q < N; ++q) {
-    _mm512_mask_storeu_ps(y + 16 * q, Mask(rows - 16 * q), _mm512_add_ps(even[q], odd[q]));
-  }
-}
-
-// y = start + (tiles) x for one column.
-TILE_TARGET void MultiplyColumn(const std::uint16_t* tiles, const float* start, const float* x,
-                                Index depth_rows, float* y, Index rows, std::uint16_t* scratch) {
-  const Index depth = Blocks(depth_rows, kDepth);
-  for (Index i = 0; i < depth; ++i) {
-    const Index left = depth_rows - i * kDepth;
-    const float* p = x + i * kDepth;
-    _mm512_store_si512(scratch + i * kDepth, Round(_mm512_maskz_loadu_ps(Mask(left), p),
-                                                   _mm512_maskz_loadu_ps(Mask(left - 16), p + 16)));
-  }
-  const auto* pairs = reinterpret_cast<const std::uint32_t*>(scratch);
-  for (Index j = 0; j < rows; j += 4 * kRows) {
-    const std::uint16_t* block = tiles + j / kRows * depth * kTile;
-    const float* from = start == nullptr ? nullptr : start + j;
-    switch (std::min<Index>(4, Blocks(rows - j, kRows))) {
-      case 4:
-        MultiplyBlocks<4>(block, depth, pairs, from, rows - j, y + j);
-        break;
-      case 3:
-        MultiplyBlocks<3>(block, depth, pairs, from, rows - j, y + j);
-        break;
-      case 2:
-        MultiplyBlocks<2>(block, depth, pairs, from, rows - j, y + j);
-        break;
-      default:
-        MultiplyBlocks<1>(block, depth, pairs, from, rows - j, y + j);
-    }
-  }
-}
-
 // y = start + (tiles) x, 32 columns of x at a time so that they stay in the first-level
 // cache.
 TILE_TARGET void MultiplyColumns(const std::uint16_t* tiles, Start start, const float* bias,
                                  Mat<const float> x, Mat<float> y, std::uint16_t* scratch) {
   const Index depth = Blocks(x.rows, kDepth);
-  if (x.cols <= kFewColumns) {
-    for (Index j = 0; j < x.cols; ++j) {
-      const float* from = start == Start::kSum ? y.col(j) : start == Start::kBias ? bias : nullptr;
-      MultiplyColumn(tiles, from, x.col(j), x.rows, y.col(j), y.rows, scratch);
-    }
-    return;
-  }
   BeginTiles();
   for (Index first = 0; first < x.cols; first += 2 * kRows) {
     const Index n = std::min(2 * kRows, x.cols - first);
@@ -366,26 +291,7 @@ std::uint16_t* Samples(Index rows, Bfloat16Scratch* scratch) {
   return scratch->left.Reserve(2 * Blocks(rows, kDepth) * kTile);
 }
 
-bool AskForTiles() {
-  unsigned a = 0, b = 0, c = 0, d = 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
-  const bool tiles = (d >> 22 & 1) != 0 && (d >> 24 & 1) != 0;  // amx-bf16, amx-tile
-  const bool avx512 = (b >> 16 & 1) != 0 && (b >> 17 & 1) != 0 && (b >> 30 & 1) != 0 &&
-                      (b >> 31 & 1) != 0;  // f, dq, bw, vl
-  if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return false;
-  const bool rounding = (a >> 5 & 1) != 0;  // avx512-bf16
-  if (!tiles || !avx512 || !rounding) return false;
-  constexpr long kRequestPermission = 0x1023;  // ARCH_REQ_XCOMP_PERM
-  constexpr long kTileData = 18;
-  return syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0;
-}
-
 }  // namespace
-
-bool Bfloat16Available() {
-  static const bool available = AskForTiles();
-  return available;
-}
 
 Bfloat16Weights::Bfloat16Weights(const std::vector<WeightPart>& parts) {
   Index size = 0;
@@ -455,8 +361,6 @@ TILE_TARGET void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x,
 }
 
 #else
-
-bool Bfloat16Available() { return false; }
 
 // Never called.
 Bfloat16Weights::Bfloat16Weights(const std::vector<WeightPart>&) { std::abort(); }

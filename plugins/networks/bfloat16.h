@@ -10,20 +10,14 @@
 #include <cstdint>
 #include <vector>
 
+#include "dreamsearch/instruction_set.h"
 #include "plugins/networks/matrix.h"
+#include "plugins/networks/product.h"
 
 namespace dreamsearch::networks {
 
-// Whether this processor and system have the tile unit. Asks the system for it.
-bool Bfloat16Available();
-
-// The columns [first, first + cols) of a weight [rows, *] at `offset` of a group.
-struct WeightPart {
-  Index offset = 0;
-  Index rows = 0;
-  Index first = 0;
-  Index cols = 0;
-};
+// Whether the chosen instruction set has the tile unit.
+inline bool Bfloat16Available() { return ChosenInstructionSet() >= InstructionSet::kAmx; }
 
 inline constexpr Index kBiasOverrun = 16;
 

@@ -1,8 +1,8 @@
 // elementwise.h - everything of a layer that is not a matrix product.
 //
-// Forward kernels keep what their backward kernels need. Written once on short
-// fixed-size Eigen arrays, which become vector instructions of the machine that
-// is compiled for. NaN in an input is NaN in the output.
+// Forward kernels keep what their backward kernels need. Written once on vectors of any
+// length and compiled for every instruction set (dispatch.h). NaN in an input is NaN in
+// the output.
 #pragma once
 
 #include <type_traits>

@@ -92,12 +92,15 @@ void ParameterGroup<T>::Allocate(std::uint64_t seed, Rounding rounding) {
   for (std::size_t i = 0; i < tensors_.size(); ++i) {
     Initialise(tensors_[i], DeriveSeed(seed, i), values_.data() + tensors_[i].offset);
   }
+  packed_ = std::make_unique<PackedWeights<T>>(parts_);
   rounding_ = rounding;
   if (rounding.any()) rounded_ = std::make_unique<Bfloat16Weights>(parts_);
+  Pack();
 }
 
 template <typename T>
-void ParameterGroup<T>::Round() {
+void ParameterGroup<T>::Pack() {
+  packed_->Pack(values_.data());
   if constexpr (std::is_same_v<T, float>) {
     if (rounded_ != nullptr) rounded_->Pack(values_.data());
   }

@@ -32,11 +32,12 @@ struct Tensor {
   Initial initial = Initial::kZero;
 };
 
-// The values that a layer computes with: a group's own or a copy of them, and
-// rounded copies of the weights if the products are to be in bfloat16.
+// The values that a layer computes with, and its weights laid out for products: in T, or
+// rounded to bfloat16.
 template <typename T>
 struct Weights {
   const T* values = nullptr;
+  const PackedWeights<T>* packed = nullptr;  // of these values
   const Bfloat16Weights* rounded = nullptr;  // only for T = float; null: products in T
   Bfloat16Scratch* scratch = nullptr;        // of the calling thread, where rounded is set
 };
@@ -65,16 +66,17 @@ class ParameterGroup {
   // Makes the arrays and draws the first values from `seed`.
   void Allocate(std::uint64_t seed, Rounding rounding = {});
 
-  // What to compute with: in T, as training does, as planning does. Round remakes
-  // the rounded copies after the values have changed.
-  Weights<T> exact() const { return {values_.data(), nullptr, nullptr}; }
+  // What to compute with, as training and as planning does. After the values have changed,
+  // Pack lays the weights out anew; until then products use the old ones.
   Weights<T> training(Bfloat16Scratch* scratch) const {
-    return {values_.data(), rounding_.training ? rounded_.get() : nullptr, scratch};
+    return {values_.data(), packed_.get(), rounding_.training ? rounded_.get() : nullptr, scratch};
   }
   Weights<T> planning(Bfloat16Scratch* scratch) const {
-    return {values_.data(), rounding_.planning ? rounded_.get() : nullptr, scratch};
+    return {values_.data(), packed_.get(), rounding_.planning ? rounded_.get() : nullptr, scratch};
   }
-  void Round();
+  // In T, whatever the settings.
+  Weights<T> exact() const { return {values_.data(), packed_.get(), nullptr, nullptr}; }
+  void Pack();
 
   const std::string& name() const { return name_; }
   const std::vector<Tensor>& tensors() const { return tensors_; }
@@ -93,6 +95,7 @@ class ParameterGroup {
   Index size_ = 0;
   Buffer<T> values_, gradient_, first_, second_;
   Rounding rounding_;
+  std::unique_ptr<PackedWeights<T>> packed_;
   std::unique_ptr<Bfloat16Weights> rounded_;
 };
 
@@ -132,7 +135,7 @@ class Affine {
         return;
       }
     }
-    AddProduct(Part(weights.values, part), x, y);
+    weights.packed->AddProduct(parts_[part].number, x, y);
   }
   // dx += W_part^T dy.
   template <typename T>
@@ -143,7 +146,7 @@ class Affine {
         return;
       }
     }
-    AddTransposedProduct(Part(weights.values, part), dy, dx);
+    weights.packed->AddTransposedProduct(parts_[part].number, dy, dx);
   }
   // dx = W_part^T dy.
   template <typename T>
@@ -154,8 +157,7 @@ class Affine {
         return;
       }
     }
-    SetZero(dx);
-    AddTransposedProduct(Part(weights.values, part), dy, dx);
+    weights.packed->SetTransposedProduct(parts_[part].number, dy, dx);
   }
   // The gradient of W_part += dy x^T.
   template <typename T>
@@ -166,7 +168,7 @@ class Affine {
         return;
       }
     }
-    AddOuterProduct(dy, x, Part(gradient, part));
+    AddOuterProduct<T>(dy, x, Part(gradient, part));
   }
   // The gradient of b += the sum of dy's columns.
   template <typename T>
@@ -184,8 +186,7 @@ class Affine {
         return;
       }
     }
-    Start(weights, y);
-    Add(weights, 0, x, y);
+    weights.packed->SetProduct(parts_[0].number, weights.values + bias_, x, y);
   }
   template <typename T>
   void AddGradient(const Weights<T>& weights, In<T> x, In<T> dy, T* gradient) const {

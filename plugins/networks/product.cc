@@ -1,164 +1,320 @@
 #include "plugins/networks/product.h"
 
-#include <Eigen/Core>
 #include <algorithm>
 
-#ifdef __AVX512F__
-#include <immintrin.h>
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "plugins/networks/product.cc"
+#include <hwy/foreach_target.h>  // must come before highway.h
+
+#include "plugins/networks/dispatch.h"
+#include "plugins/networks/vector-inl.h"
+
+#ifndef DREAMSEARCH_NETWORKS_PRODUCT_KERNELS
+#define DREAMSEARCH_NETWORKS_PRODUCT_KERNELS
+namespace dreamsearch::networks {
+
+// The kernels of one instruction set.
+template <typename T>
+struct ProductKernels {
+  Index lanes;  // outputs in a panel
+
+  // panels: [blocks of rows][cols][lanes], zero beyond the rows.
+  void (*pack)(Mat<const T> w, T* panels);
+  void (*pack_transposed)(Mat<const T> w, T* panels);
+  // y[:, j] = start + j * start_stride + sum over k of panels[:, k] x[k, j]; from zero where
+  // start is null. y may be what `start` points to.
+  void (*multiply)(const T* panels, const T* start, Index start_stride, Mat<const T> x, Mat<T> y);
+  void (*add_outer)(Mat<const T> dy, Mat<const T> x, Mat<T> dw);
+};
+
+}  // namespace dreamsearch::networks
 #endif
 
+HWY_BEFORE_NAMESPACE();
+namespace dreamsearch::networks {
+namespace HWY_NAMESPACE {
+
+#if HWY_TARGET == HWY_AVX3
+constexpr int kRegisters = 32;
+#else
+constexpr int kRegisters = 16;
+#endif
+constexpr int kColumnsPerTile = 6;
+
+// Panels taken together with `columns` columns: enough sums to keep the multipliers
+// busy, and few enough for the registers.
+constexpr int PanelsPerTile(int columns) {
+  if (columns == 1) return 8;
+  if (kRegisters == 32) return columns == 2 ? 8 : 4;
+  return columns <= 3 ? 4 : columns == 4 ? 3 : 2;
+}
+
+// Columns whose inputs stay in the first-level cache while all panels pass by.
+constexpr Index kColumnsPerBlock = 24;
+// Samples of an outer product whose panels stay there.
+constexpr Index kSamplesPerBlock = 128;
+
+// Where a tile's second factor lies: entry (k, c) at data + k * along + c * across. In a
+// product along is 1, in an outer product across is.
+template <typename T>
+struct Factor {
+  const T* data;
+  Index along;
+  Index across;
+};
+
+// C columns of P panels. y's first row is the first panel's; `rows` of them are left.
+template <int P, int C, bool kOuter, typename T>
+void MultiplyTile(const T* panels, Index depth, const T* start, Index start_stride, Factor<T> x,
+                  T* y, Index y_stride, Index rows) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  hn::Vec<decltype(d)> sum[P][C];
+#pragma GCC unroll 8
+  for (int p = 0; p < P; ++p) {
+#pragma GCC unroll 8
+    for (int c = 0; c < C; ++c) {
+      sum[p][c] = start == nullptr
+                      ? hn::Zero(d)
+                      : LoadUpTo(d, start + c * start_stride + p * lanes, rows - p * lanes);
+    }
+  }
+  const T* panel[P];
+#pragma GCC unroll 8
+  for (int p = 0; p < P; ++p) panel[p] = panels + p * depth * lanes;
+  const T* column[C];
+#pragma GCC unroll 8
+  for (int c = 0; c < C; ++c) column[c] = x.data + c * (kOuter ? 1 : x.across);
+  for (Index k = 0; k < depth; ++k) {
+    hn::Vec<decltype(d)> w[P];
+#pragma GCC unroll 8
+    for (int p = 0; p < P; ++p) w[p] = hn::Load(d, panel[p] + k * lanes);
+#pragma GCC unroll 8
+    for (int c = 0; c < C; ++c) {
+      const auto factor = hn::Set(d, column[c][kOuter ? k * x.along : k]);
+#pragma GCC unroll 8
+      for (int p = 0; p < P; ++p) sum[p][c] = hn::MulAdd(w[p], factor, sum[p][c]);
+    }
+  }
+#pragma GCC unroll 8
+  for (int p = 0; p < P; ++p) {
+#pragma GCC unroll 8
+    for (int c = 0; c < C; ++c) {
+      StoreUpTo(sum[p][c], d, y + c * y_stride + p * lanes, rows - p * lanes);
+    }
+  }
+}
+
+// `tiles` times C columns of all panels, P panels at a time.
+template <int C, bool kOuter, typename T, int P = PanelsPerTile(C)>
+void MultiplyPanels(const T* panels, Index count, Index depth, const T* start, Index start_stride,
+                    Factor<T> x, Mat<T> y, Index tiles) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  Index p = 0;
+  for (; p + P <= count; p += P) {
+    for (Index tile = 0; tile < tiles; ++tile) {
+      const Index first = tile * C;
+      MultiplyTile<P, C, kOuter>(
+          panels + p * depth * lanes, depth,
+          start == nullptr ? nullptr : start + first * start_stride + p * lanes, start_stride,
+          Factor<T>{x.data + first * x.across, x.along, x.across}, y.col(first) + p * lanes,
+          y.stride, y.rows - p * lanes);
+    }
+  }
+  if constexpr (P > 1) {
+    if (p == count) return;
+    MultiplyPanels<C, kOuter, T, P - 1>(panels + p * depth * lanes, count - p, depth,
+                                        start == nullptr ? nullptr : start + p * lanes,
+                                        start_stride, x, y.Rows(p * lanes, y.rows - p * lanes),
+                                        tiles);
+  }
+}
+
+template <int C, bool kOuter, typename T>
+void MultiplyColumns(int columns, const T* panels, Index count, Index depth, const T* start,
+                     Index start_stride, Factor<T> x, Mat<T> y, Index tiles) {
+  if (columns == C) {
+    MultiplyPanels<C, kOuter>(panels, count, depth, start, start_stride, x, y, tiles);
+    return;
+  }
+  if constexpr (C > 1) {
+    MultiplyColumns<C - 1, kOuter>(columns, panels, count, depth, start, start_stride, x, y,
+                                   tiles);
+  }
+}
+
+// All columns of y, in tiles of nearly equal width.
+template <bool kOuter, typename T>
+void MultiplyAll(const T* panels, Index count, Index depth, const T* start, Index start_stride,
+                 Factor<T> x, Mat<T> y) {
+  const Index tiles = (y.cols + kColumnsPerTile - 1) / kColumnsPerTile;
+  const Index narrow = y.cols / tiles;         // columns of a narrow tile
+  const Index wide_tiles = y.cols % tiles;     // with one more
+  Index first = 0;
+  const auto run = [&](Index columns, Index n) {
+    if (n == 0) return;
+    MultiplyColumns<kColumnsPerTile, kOuter>(
+        static_cast<int>(columns), panels, count, depth,
+        start == nullptr ? nullptr : start + first * start_stride, start_stride,
+        Factor<T>{x.data + first * x.across, x.along, x.across}, y.Cols(first, columns * n), n);
+    first += columns * n;
+  };
+  run(narrow + 1, wide_tiles);
+  run(narrow, tiles - wide_tiles);
+}
+
+template <typename T>
+void Multiply(const T* panels, const T* start, Index start_stride, Mat<const T> x, Mat<T> y) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  const Index count = (y.rows + lanes - 1) / lanes;
+  for (Index first = 0; first < y.cols; first += kColumnsPerBlock) {
+    const Index n = std::min(kColumnsPerBlock, y.cols - first);
+    MultiplyAll<false>(panels, count, x.rows,
+                       start == nullptr ? nullptr : start + first * start_stride, start_stride,
+                       Factor<T>{x.col(first), 1, x.stride}, y.Cols(first, n));
+  }
+}
+
+template <typename T>
+void Pack(Mat<const T> w, T* panels) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  for (Index i = 0; i < w.rows; i += lanes) {
+    for (Index k = 0; k < w.cols; ++k, panels += lanes) {
+      hn::Store(LoadUpTo(d, w.col(k) + i, w.rows - i), d, panels);
+    }
+  }
+}
+
+template <typename T>
+void PackTransposed(Mat<const T> w, T* panels) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  for (Index i = 0; i < w.cols; i += lanes, panels += w.rows * lanes) {
+    for (Index l = 0; l < lanes; ++l) {
+      if (i + l >= w.cols) {
+        for (Index k = 0; k < w.rows; ++k) panels[k * lanes + l] = T(0);
+        continue;
+      }
+      const T* column = w.col(i + l);
+      for (Index k = 0; k < w.rows; ++k) panels[k * lanes + l] = column[k];
+    }
+  }
+}
+
+template <typename T>
+void AddOuter(Mat<const T> dy, Mat<const T> x, Mat<T> dw) {
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  constexpr int kPanels = PanelsPerTile(kColumnsPerTile);
+  HWY_ALIGN T panels[kPanels * kSamplesPerBlock * HWY_MAX_BYTES / sizeof(T)];
+  for (Index first = 0; first < x.cols; first += kSamplesPerBlock) {
+    const Index depth = std::min(kSamplesPerBlock, x.cols - first);
+    for (Index i = 0; i < dw.rows; i += kPanels * lanes) {
+      const Index rows = std::min(kPanels * lanes, dw.rows - i);
+      Pack<T>(dy.Cols(first, depth).Rows(i, rows), panels);
+      const Mat<T> sums = dw.Rows(i, rows);
+      MultiplyAll<true>(panels, (rows + lanes - 1) / lanes, depth, sums.data, sums.stride,
+                        Factor<T>{x.col(first), x.stride, 1}, sums);
+    }
+  }
+}
+
+template <typename T>
+const ProductKernels<T>& KernelsOf() {
+  static constexpr ProductKernels<T> kernels = {
+      static_cast<Index>(HWY_LANES(T)), &Pack<T>, &PackTransposed<T>, &Multiply<T>, &AddOuter<T>};
+  return kernels;
+}
+const ProductKernels<float>& FloatProducts() { return KernelsOf<float>(); }
+const ProductKernels<double>& DoubleProducts() { return KernelsOf<double>(); }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace dreamsearch::networks
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace dreamsearch::networks {
 namespace {
 
-// Eigen takes a packing buffer from the stack if it is small enough (CMakeLists.txt says
-// up to where); with the samples cut into blocks those of layers up to some 400 wide are.
-constexpr Index kColumnsPerBlock = 512;
-
 template <typename T>
-using Dense = Eigen::Matrix<std::remove_const_t<T>, Eigen::Dynamic, Eigen::Dynamic>;
-template <typename T>
-using Column = Eigen::Matrix<std::remove_const_t<T>, Eigen::Dynamic, 1>;
-
-template <typename T>
-using MapOf = Eigen::Map<std::conditional_t<std::is_const_v<T>, const Dense<T>, Dense<T>>, 0,
-                         Eigen::OuterStride<>>;
-
-template <typename T>
-MapOf<T> AsEigen(Mat<T> m) {
-  return MapOf<T>(m.data, m.rows, m.cols, Eigen::OuterStride<>(m.stride));
-}
-template <typename T>
-auto AsColumn(Mat<T> m) {
-  return Eigen::Map<std::conditional_t<std::is_const_v<T>, const Column<T>, Column<T>>>(m.data,
-                                                                                        m.rows);
-}
-
-#ifdef __AVX512F__
-
-// Eigen copies its factors into an order that pays when they are used often. With few
-// columns, as planners have them, it is faster to read the weight where it lies: once
-// for every six columns, whose sums stay in registers. A column's bits do not depend on
-// its place here, which they do in Eigen's kernels.
-constexpr Index kFewColumns = 64;
-constexpr Index kLanes = 16;   // floats in a register
-constexpr int kRegisters = 4;  // of rows at a time
-constexpr int kColumns = 6;
-
-// y += w x for V registers of rows, the last one under `tail`, and C columns.
-template <int V, int C>
-inline void AddBlock(Mat<const float> w, Mat<const float> x, Mat<float> y, __mmask16 tail) {
-  const auto mask = [tail](int v) { return v + 1 == V ? tail : __mmask16{0xffff}; };
-  __m512 sum[V][C];
-#pragma GCC unroll 8
-  for (int j = 0; j < C; ++j) {
-#pragma GCC unroll 8
-    for (int v = 0; v < V; ++v) sum[v][j] = _mm512_maskz_loadu_ps(mask(v), y.col(j) + kLanes * v);
-  }
-  for (Index k = 0; k < x.rows; ++k) {
-    __m512 weight[V];
-#pragma GCC unroll 8
-    for (int v = 0; v < V; ++v) weight[v] = _mm512_maskz_loadu_ps(mask(v), w.col(k) + kLanes * v);
-#pragma GCC unroll 8
-    for (int j = 0; j < C; ++j) {
-      const __m512 factor = _mm512_set1_ps(x(k, j));
-#pragma GCC unroll 8
-      for (int v = 0; v < V; ++v) sum[v][j] = _mm512_fmadd_ps(weight[v], factor, sum[v][j]);
-    }
-  }
-#pragma GCC unroll 8
-  for (int j = 0; j < C; ++j) {
-#pragma GCC unroll 8
-    for (int v = 0; v < V; ++v) {
-      _mm512_mask_storeu_ps(y.col(j) + kLanes * v, mask(v), sum[v][j]);
-    }
+const ProductKernels<T>& Kernels() {
+  if constexpr (std::is_same_v<T, float>) {
+    static const ProductKernels<float>& kernels = DREAMSEARCH_CHOOSE(FloatProducts);
+    return kernels;
+  } else {
+    static const ProductKernels<double>& kernels = DREAMSEARCH_CHOOSE(DoubleProducts);
+    return kernels;
   }
 }
-
-template <int V, int C = kColumns>
-void AddBlocks(Mat<const float> w, Mat<const float> x, Mat<float> y, __mmask16 tail) {
-  Index first = 0;
-  for (; first + C <= x.cols; first += C) {
-    AddBlock<V, C>(w, x.Cols(first, C), y.Cols(first, C), tail);
-  }
-  if constexpr (C > 1) {
-    const Index left = x.cols - first;
-    if (left > 0) AddBlocks<V, C - 1>(w, x.Cols(first, left), y.Cols(first, left), tail);
-  }
-}
-
-void AddFewColumns(Mat<const float> w, Mat<const float> x, Mat<float> y) {
-  for (Index first = 0; first < w.rows; first += kRegisters * kLanes) {
-    const Index rows = std::min<Index>(kRegisters * kLanes, w.rows - first);
-    const Index registers = (rows + kLanes - 1) / kLanes;
-    const auto tail = static_cast<__mmask16>((1u << (rows - (registers - 1) * kLanes)) - 1);
-    const Mat<const float> part = w.Rows(first, rows);
-    const Mat<float> sums = y.Rows(first, rows);
-    switch (registers) {
-      case 4:
-        AddBlocks<4>(part, x, sums, tail);
-        break;
-      case 3:
-        AddBlocks<3>(part, x, sums, tail);
-        break;
-      case 2:
-        AddBlocks<2>(part, x, sums, tail);
-        break;
-      default:
-        AddBlocks<1>(part, x, sums, tail);
-    }
-  }
-}
-
-bool FewColumns(Mat<const float> w, Mat<const float> x) {
-  return x.cols > 1 && x.cols <= kFewColumns && w.rows > 1;
-}
-
-#endif
 
 }  // namespace
 
 template <typename T>
-void AddProduct(Mat<const std::type_identity_t<T>> w, Mat<const std::type_identity_t<T>> x,
-                Mat<T> y) {
-  if (x.cols == 1) {
-    AsColumn(y).noalias() += AsEigen(w) * AsColumn(x);
-    return;
+PackedWeights<T>::PackedWeights(const std::vector<WeightPart>& parts) {
+  const Index lanes = Kernels<T>().lanes;
+  const auto panels = [lanes](Index rows, Index depth) {
+    return (rows + lanes - 1) / lanes * lanes * depth;
+  };
+  Index size = 0;
+  for (const WeightPart& part : parts) {
+    Packed packed;
+    packed.part = part;
+    packed.forward = size;
+    size += panels(part.rows, part.cols);
+    packed.transposed = size;
+    size += panels(part.cols, part.rows);
+    parts_.push_back(packed);
   }
-#ifdef __AVX512F__
-  if constexpr (std::is_same_v<T, float>) {
-    if (FewColumns(w, x)) return AddFewColumns(w, x, y);
-  }
-#endif
-  for (Index first = 0; first < x.cols; first += kColumnsPerBlock) {
-    const Index n = std::min(kColumnsPerBlock, x.cols - first);
-    AsEigen(y.Cols(first, n)).noalias() += AsEigen(w) * AsEigen(x.Cols(first, n));
+  panels_.Reserve(size);
+}
+
+template <typename T>
+void PackedWeights<T>::Pack(const T* values) {
+  for (const Packed& packed : parts_) {
+    const WeightPart& part = packed.part;
+    const Mat<const T> w(values + part.offset + part.first * part.rows, part.rows, part.cols);
+    Kernels<T>().pack(w, panels_.data() + packed.forward);
+    Kernels<T>().pack_transposed(w, panels_.data() + packed.transposed);
   }
 }
 
 template <typename T>
-void AddTransposedProduct(Mat<const std::type_identity_t<T>> w,
-                          Mat<const std::type_identity_t<T>> dy, Mat<T> dx) {
-  for (Index first = 0; first < dy.cols; first += kColumnsPerBlock) {
-    const Index n = std::min(kColumnsPerBlock, dy.cols - first);
-    AsEigen(dx.Cols(first, n)).noalias() += AsEigen(w).transpose() * AsEigen(dy.Cols(first, n));
-  }
+void PackedWeights<T>::AddProduct(Index part, Mat<const T> x, Mat<T> y) const {
+  const Packed& packed = parts_[static_cast<std::size_t>(part)];
+  Kernels<T>().multiply(panels_.data() + packed.forward, y.data, y.stride, x, y);
+}
+
+template <typename T>
+void PackedWeights<T>::SetProduct(Index part, const T* bias, Mat<const T> x, Mat<T> y) const {
+  const Packed& packed = parts_[static_cast<std::size_t>(part)];
+  Kernels<T>().multiply(panels_.data() + packed.forward, bias, 0, x, y);
+}
+
+template <typename T>
+void PackedWeights<T>::AddTransposedProduct(Index part, Mat<const T> dy, Mat<T> dx) const {
+  const Packed& packed = parts_[static_cast<std::size_t>(part)];
+  Kernels<T>().multiply(panels_.data() + packed.transposed, dx.data, dx.stride, dy, dx);
+}
+
+template <typename T>
+void PackedWeights<T>::SetTransposedProduct(Index part, Mat<const T> dy, Mat<T> dx) const {
+  const Packed& packed = parts_[static_cast<std::size_t>(part)];
+  Kernels<T>().multiply(panels_.data() + packed.transposed, nullptr, 0, dy, dx);
 }
 
 template <typename T>
 void AddOuterProduct(Mat<const std::type_identity_t<T>> dy, Mat<const std::type_identity_t<T>> x,
                      Mat<T> dw) {
-  for (Index first = 0; first < x.cols; first += kColumnsPerBlock) {
-    const Index n = std::min(kColumnsPerBlock, x.cols - first);
-    AsEigen(dw).noalias() += AsEigen(dy.Cols(first, n)) * AsEigen(x.Cols(first, n)).transpose();
-  }
+  Kernels<T>().add_outer(dy, x, dw);
 }
 
-#define DREAMER_INSTANTIATE(T)                                               \
-  template void AddProduct<T>(Mat<const T>, Mat<const T>, Mat<T>);           \
-  template void AddTransposedProduct<T>(Mat<const T>, Mat<const T>, Mat<T>); \
-  template void AddOuterProduct<T>(Mat<const T>, Mat<const T>, Mat<T>);
-DREAMER_INSTANTIATE(float)
-DREAMER_INSTANTIATE(double)
-#undef DREAMER_INSTANTIATE
+template class PackedWeights<float>;
+template class PackedWeights<double>;
+template void AddOuterProduct<float>(Mat<const float>, Mat<const float>, Mat<float>);
+template void AddOuterProduct<double>(Mat<const double>, Mat<const double>, Mat<double>);
 
 }  // namespace dreamsearch::networks
+#endif  // HWY_ONCE

@@ -19,13 +19,15 @@
 // time that two environment steps (action repeat 2) take in the simulated world.
 #include <time.h>
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <vector>
 
 #include "dreamsearch/planning.h"
 #include "planners/loaded_planner.h"
+#include "plugins/networks/elementwise.h"
+#include "yardstick.h"
 
 namespace dreamsearch {
 namespace {
@@ -59,21 +61,13 @@ double MedianSeconds(int repetitions, F f) {
   return seconds[static_cast<std::size_t>(repetitions / 2)];
 }
 
-// Multiply-adds a second of a float product that fills the units.
-double ProductRate() {
-  constexpr int kSize = 384;
-  const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
-  const Eigen::MatrixXf b = Eigen::MatrixXf::Random(kSize, kSize);
-  Eigen::MatrixXf c(kSize, kSize);
-  const double seconds = MedianSeconds(51, [&] { c.noalias() = a * b; });
-  return 1.0 * kSize * kSize * kSize / seconds;
-}
-
 // Bytes a second of reading `bytes` over and over.
 double StreamRate(double bytes) {
-  const Eigen::VectorXf weights = Eigen::VectorXf::Random(static_cast<int>(bytes / 4));
-  float sink = 0;
-  const double seconds = MedianSeconds(201, [&] { sink += weights.sum(); });
+  const std::vector<float> weights(static_cast<std::size_t>(bytes / 4), 0.5f);
+  double sink = 0;
+  const double seconds = MedianSeconds(201, [&] {
+    sink += networks::SumOfSquares(weights.data(), static_cast<networks::Index>(weights.size()));
+  });
   if (std::isnan(sink)) std::puts("unexpected");
   return bytes / seconds;
 }
@@ -208,7 +202,7 @@ Measured Measure(Subject* subject, const Row& row, int decisions) {
 }
 
 void Run(int decisions) {
-  const double product_rate = ProductRate();
+  const double product_rate = MachineLimit() / 2;  // multiply-adds a second
   const double stream_rate = StreamRate(4 * (kTransition + kReward + kValue + kActor));
   std::printf("products %.1f GFLOP/s, weights %.1f GB/s, one thread\n", 2e-9 * product_rate,
               1e-9 * stream_rate);
@@ -285,6 +279,7 @@ void RunTasks(int decisions) {
 }  // namespace dreamsearch
 
 int main(int argc, char** argv) {
+  dreamsearch::LibraryProducts(argv);
   const bool tasks = argc > 1 && std::strcmp(argv[1], "--tasks") == 0;
   const char* count = argc > 1 + tasks ? argv[1 + tasks] : tasks ? "20" : "100";
   const int decisions = std::atoi(count);

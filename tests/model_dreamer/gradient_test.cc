@@ -83,6 +83,7 @@ void RunMlp(bool norm, Values* in, Values* out, Values* cotangent, Values* d) {
   const auto parameters = static_cast<std::size_t>(group.size());
   ASSERT_EQ(in->size(), parameters + 4 * kN);
   std::copy(in->begin(), in->begin() + group.size(), group.values());
+  group.Pack();
   const M x(in->data() + parameters, 4, kN);
   MlpTape<double> tape;
   MlpScratch<double> scratch;
@@ -108,12 +109,14 @@ const std::vector<Layer>& Layers() {
        [](Values* in, Values* out, Values* ct, Values* d) {
          Slices s(in->data());
          const M w = s.Take(3, kR), x = s.Take(kR, kN), y(out->data(), 3, kN);
+         PackedWeights<double> packed({{0, 3, 0, kR}});
+         packed.Pack(w.data);
          SetZero(y);
-         AddProduct<double>(w, x, y);
+         packed.AddProduct(0, x, y);
          if (d == nullptr) return;
          Slices g(d->data());
          AddOuterProduct<double>(M(ct->data(), 3, kN), x, g.Take(3, kR));
-         AddTransposedProduct<double>(w, M(ct->data(), 3, kN), g.Take(kR, kN));
+         packed.AddTransposedProduct(0, M(ct->data(), 3, kN), g.Take(kR, kN));
        }},
       {"bias", kR, kR * kN,
        [](Values* in, Values* out, Values* ct, Values* d) {
@@ -317,6 +320,7 @@ Settings SmallSettings() {
 void Perturb(ParameterGroup<double>* group, std::uint64_t seed) {
   Random random(seed);
   for (Index i = 0; i < group->size(); ++i) group->values()[i] += 0.1 * random.Normal();
+  group->Pack();
 }
 
 void MakeReady(Learner<double>* learner) {
@@ -325,6 +329,7 @@ void MakeReady(Learner<double>* learner) {
   Perturb(&learner->behaviour().value(), 13);
   learner->behaviour().ResetSlow();
   Perturb(&learner->behaviour().value(), 14);
+  learner->PackWeights();
 }
 
 class UpdateGradient : public testing::TestWithParam<std::size_t> {};
@@ -343,10 +348,12 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
   // The model's parameters are differenced through the fit, the others through the
   // dream, from the posterior states of the fit above.
   const auto fit = [&] {
+    learner.PackWeights();
     learner.FitGradients(&losses);
     return losses.fit.total;
   };
   const auto dream = [&](const double* loss) {
+    learner.PackWeights();
     learner.DreamGradients(&losses, &stops);
     return *loss;
   };
@@ -432,111 +439,6 @@ TEST(KlFactors, SplitTheDivergencesGradientIntoPriorAndPosterior) {
     if (of_prior[i]) {
       EXPECT_DOUBLE_EQ(prior[i], both[i]);
       EXPECT_DOUBLE_EQ(posterior[i], 0);
-    }
-  }
-}
-
-// The tile unit's products: factors that bfloat16 holds exactly give the float
-// product up to the order of the sum, at sizes on and off its tiles' edges.
-TEST(Bfloat16, ProductsOfExactFactorsEqualFloatProducts) {
-  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
-  using F = Mat<float>;
-  Random random(3);
-  const auto draw = [&](Index count) {
-    std::vector<float> values(static_cast<std::size_t>(count));
-    for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
-    return values;
-  };
-  for (const Index out : {1, 16, 30, 200, 600}) {
-    for (const Index in : {1, 6, 32, 230}) {
-      for (const Index n : {1, 16, 50, 300}) {
-        std::vector<float> w = draw(out * in), x = draw(in * n), d = draw(out * n);
-        std::vector<float> bias = draw(out + kBiasOverrun), y = draw(out * n), dx = draw(in * n);
-        std::vector<float> dw = draw(out * in), set(y.size()), set_dx(dx.size());
-        std::vector<float> y2 = y, dx2 = dx, dw2 = dw, set2(y.size()), set_dx2(dx.size());
-        const F mw(w.data(), out, in), mx(x.data(), in, n), md(d.data(), out, n);
-        Bfloat16Weights rounded({{0, out, 0, in}});
-        Bfloat16Scratch scratch;
-        rounded.Pack(w.data());
-        rounded.AddProduct(0, mx, F(y.data(), out, n), &scratch);
-        rounded.SetProduct(0, bias.data(), mx, F(set.data(), out, n), &scratch);
-        rounded.AddTransposedProduct(0, md, F(dx.data(), in, n), &scratch);
-        rounded.SetTransposedProduct(0, md, F(set_dx.data(), in, n), &scratch);
-        AddRoundedOuterProduct(md, mx, F(dw.data(), out, in), &scratch);
-        AddProduct<float>(mw, mx, F(y2.data(), out, n));
-        FillColumns(bias.data(), F(set2.data(), out, n));
-        AddProduct<float>(mw, mx, F(set2.data(), out, n));
-        AddTransposedProduct<float>(mw, md, F(dx2.data(), in, n));
-        AddTransposedProduct<float>(mw, md, F(set_dx2.data(), in, n));
-        AddOuterProduct<float>(md, mx, F(dw2.data(), out, in));
-        // Terms are multiples of 2^-8 and sums stay below 2^12: exact in float.
-        EXPECT_EQ(y, y2) << out << " x " << in << ", " << n;
-        EXPECT_EQ(set, set2) << out << " x " << in << ", " << n;
-        EXPECT_EQ(dx, dx2) << out << " x " << in << ", " << n;
-        EXPECT_EQ(set_dx, set_dx2) << out << " x " << in << ", " << n;
-        EXPECT_EQ(dw, dw2) << out << " x " << in << ", " << n;
-      }
-    }
-  }
-}
-
-// What planners ask for: few columns, parts of a weight, and operands that are rows of a
-// larger matrix.
-TEST(Bfloat16, ProductsOfPartsOfMatricesEqualFloatProducts) {
-  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
-  Random random(4);
-  const auto draw = [&](Index count) {
-    std::vector<float> values(static_cast<std::size_t>(count));
-    for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
-    return values;
-  };
-  constexpr Index kSkip = 3, kIn = 37, kOut = 50, kFirst = 5, kCols = 32;
-  for (const Index n : {1, 2, 3, 4, 17, 33, 65}) {
-    const std::vector<float> group = draw(kSkip + kOut * kIn), x = draw((kCols + 7) * n);
-    std::vector<float> y = draw((kOut + 9) * n), expected = y;
-    Bfloat16Weights rounded({{0, 1, 0, 1}, {kSkip, kOut, kFirst, kCols}});
-    Bfloat16Scratch scratch;
-    rounded.Pack(group.data());
-    const Mat<const float> columns = Mat<const float>(x.data(), kCols + 7, n).Rows(2, kCols);
-    rounded.AddProduct(1, columns, Mat<float>(y.data(), kOut + 9, n).Rows(4, kOut), &scratch);
-    AddProduct<float>(Mat<const float>(group.data() + kSkip, kOut, kIn).Cols(kFirst, kCols),
-                      columns, Mat<float>(expected.data(), kOut + 9, n).Rows(4, kOut));
-    EXPECT_EQ(y, expected) << n;
-  }
-}
-
-// The float products, with their own path for few columns, against sums in double.
-TEST(Product, FloatEqualsDoubleAtEverySizeOfItsPaths) {
-  Random random(5);
-  constexpr Index kIn = 19;
-  for (const Index out : {1, 7, 8, 17, 48, 64, 65, 200, 600}) {
-    for (const Index n : {1, 2, 5, 6, 7, 64, 65, 600}) {
-      for (const Index gap : {0, 3}) {
-        // Multiples of 1/16 below 2: sums are exact in float.
-        const auto draw = [&](Index count) {
-          std::vector<float> values(static_cast<std::size_t>(count));
-          for (float& v : values) v = static_cast<float>(random.Below(65)) / 16 - 2;
-          return values;
-        };
-        const std::vector<float> w = draw((out + gap) * kIn), x = draw((kIn + gap) * n);
-        std::vector<float> y = draw((out + gap) * n);
-        const std::vector<double> w2(w.begin(), w.end()), x2(x.begin(), x.end());
-        std::vector<double> expected(y.begin(), y.end());
-        for (Index j = 0; j < n; ++j) {
-          for (Index i = 0; i < out; ++i) {
-            for (Index k = 0; k < kIn; ++k) {
-              expected[static_cast<std::size_t>(j * (out + gap) + i)] +=
-                  w2[static_cast<std::size_t>(k * (out + gap) + i)] *
-                  x2[static_cast<std::size_t>(j * (kIn + gap) + k)];
-            }
-          }
-        }
-        AddProduct<float>(Mat<const float>(w.data(), out, kIn, out + gap),
-                          Mat<const float>(x.data(), kIn, n, kIn + gap),
-                          Mat<float>(y.data(), out, n, out + gap));
-        EXPECT_EQ(std::vector<double>(y.begin(), y.end()), expected)
-            << out << " x " << kIn << ", " << n << " columns, gap " << gap;
-      }
     }
   }
 }

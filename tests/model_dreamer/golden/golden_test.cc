@@ -187,6 +187,7 @@ void CompareUpdates(const std::string& name, double tolerance) {
   for (const Tensor& tensor : value.tensors()) {
     SetTensor(input.at("slow").at(tensor.name), tensor, learner.behaviour().slow().data());
   }
+  learner.PackWeights();
 
   Comparison comparison(tolerance);
   const std::size_t updates = input.at("updates").size();

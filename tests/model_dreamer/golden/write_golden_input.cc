@@ -234,6 +234,7 @@ void Write(const std::string& folder, const std::string& name) {
   Move(value.values(), value.size(), 14);
   const Json moved = Exported(learner);
   for (const Tensor& tensor : value.tensors()) json["slow"][tensor.name] = moved[tensor.name];
+  learner.PackWeights();
 
   json["updates"] = Json::array();
   for (std::uint64_t k = 0; k < golden.updates; ++k) {
