@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <map>
+#include <optional>
 #include <tuple>
 
 #include "results/derived_rows.h"
@@ -41,6 +42,106 @@ Bins BinsOfEpisodes(Connection& db, std::int64_t run_id) {
   return bins;
 }
 
+// Places where rows are missing: the first in words, the others counted.
+class Holes {
+ public:
+  explicit Holes(std::string what) : what_(std::move(what)) {}
+  void Add(const std::string& where) {
+    if (count_++ == 0) first_ = where;
+  }
+  void Report(const std::string& name, std::vector<std::string>* problems) const {
+    if (count_ == 0) return;
+    problems->push_back(name + what_ + " are missing " + first_ +
+                        (count_ > 1 ? ", and in " + Grouped(count_ - 1) + " more places" : ""));
+  }
+
+ private:
+  std::string what_;
+  std::string first_;
+  std::int64_t count_ = 0;
+};
+
+std::string Between(std::int64_t before, std::int64_t after) {
+  return "between environment steps " + Grouped(before) + " and " + Grouped(after);
+}
+
+// Decisions are numbered from 0 in each episode and make at most action_repeat steps.
+void FindHolesInSteps(Connection& db, const RunInfo& run, const std::string& name,
+                      std::vector<std::string>* problems) {
+  Holes holes("decisions");
+  Statement rows =
+      db.Prepare("SELECT env_step, episode, t FROM step WHERE run_id = ?1 ORDER BY env_step");
+  rows.Bind(run.run_id);
+  std::int64_t env_step = 0, episode = -1, t = 0;
+  while (rows.Step()) {
+    const bool next = rows.Int(1) == episode ? rows.Int(2) == t + 1
+                                             : rows.Int(1) == episode + 1 && rows.Int(2) == 0;
+    if (!next || rows.Int(0) - env_step > run.action_repeat) {
+      holes.Add(Between(env_step, rows.Int(0)));
+    }
+    env_step = rows.Int(0);
+    episode = rows.Int(1);
+    t = rows.Int(2);
+  }
+  // A run that records no decisions has no holes in them; an evaluation is such a run.
+  if (episode >= 0 && env_step < run.env_steps_done) {
+    holes.Add(Between(env_step, run.env_steps_done));
+  }
+  holes.Report(name, problems);
+}
+
+// Episodes are numbered from 0 in each phase; those of training follow each other.
+void FindHolesInEpisodes(Connection& db, const RunInfo& run, const std::string& name,
+                         std::vector<std::string>* problems) {
+  Holes training("training episodes"), evaluation("evaluation episodes");
+  Statement rows = db.Prepare(
+      "SELECT phase, episode, env_step, length FROM episode WHERE run_id = ?1"
+      " ORDER BY phase, episode");
+  rows.Bind(run.run_id);
+  std::int64_t phase = -1, expected = 0, env_step = 0;
+  while (rows.Step()) {
+    if (rows.Int(0) != phase) {
+      phase = rows.Int(0);
+      expected = env_step = 0;
+    }
+    const bool trained = phase == static_cast<std::int64_t>(Phase::kTraining);
+    if (rows.Int(1) != expected || (trained && rows.Int(2) != env_step + rows.Int(3))) {
+      if (trained) {
+        training.Add(Between(env_step, rows.Int(2)));
+      } else {
+        evaluation.Add("before episode " + Grouped(rows.Int(1)) + " of phase " +
+                       std::to_string(phase));
+      }
+    }
+    expected = rows.Int(1) + 1;
+    env_step = rows.Int(2);
+  }
+  training.Report(name, problems);
+  evaluation.Report(name, problems);
+}
+
+// A segment begins at a checkpoint, so never past the end of the one before it.
+void FindHolesInSegments(Connection& db, const RunInfo& run, const std::string& name,
+                         std::vector<std::string>* problems) {
+  Statement rows = db.Prepare(
+      "SELECT segment, from_env_step, to_env_step FROM segment WHERE run_id = ?1"
+      " ORDER BY segment");
+  rows.Bind(run.run_id);
+  std::int64_t expected = 0;
+  std::optional<std::int64_t> end = 0;
+  while (rows.Step()) {
+    const std::string segment = name + "segment " + std::to_string(rows.Int(0));
+    if (rows.Int(0) != expected) {
+      problems->push_back(segment + " is there, but not segment " + std::to_string(expected));
+    } else if (end && rows.Int(1) > *end) {
+      problems->push_back(segment + " begins at environment step " + Grouped(rows.Int(1)) +
+                          ", but what was before it ended at " + Grouped(*end));
+    }
+    expected = rows.Int(0) + 1;
+    end = rows.OptionalInt(2);
+  }
+}
+
 void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
   Connection& db = database->connection();
   const std::string name = "run " + std::to_string(run.run_id) + " (" + run.uuid.substr(0, 8) +
@@ -70,6 +171,9 @@ void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>*
                         "its record (settings, programs, segments, times, events, files) is "
                         "not the one it ended with");
   }
+  FindHolesInSteps(db, run, name, problems);
+  FindHolesInEpisodes(db, run, name, problems);
+  FindHolesInSegments(db, run, name, problems);
   if (StoredBins(db, run.run_id) != BinsOfEpisodes(db, run.run_id)) {
     problems->push_back(name + "curve_bin does not follow from its episodes");
   }

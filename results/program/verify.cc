@@ -10,8 +10,9 @@ namespace dreamsearch::results {
 int VerifyCommand(const Words& words) {
   Arguments arguments(
       "verify", "[options]",
-      "Checks the file's structure and every stored row against the digest it was\n"
-      "written with. Exits 78 if anything does not fit. `runner verify` repeats a run.");
+      "Checks the file's structure, every stored row against the digest it was written\n"
+      "with, and that no decision, episode or segment of a run is missing. Exits 78 if\n"
+      "anything does not fit. `runner verify` repeats a run.");
   arguments.AddDatabase();
   arguments.AddFilter();
   if (!arguments.Parse(words)) return kExitOk;

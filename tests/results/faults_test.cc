@@ -19,10 +19,12 @@ constexpr std::int64_t kRows = 25;  // of `step` in each, and one episode
 
 void AddRows(RunWriter* writer, std::int64_t commit) {
   for (std::int64_t i = 1; i <= kRows; ++i) {
-    writer->AddStep({.env_step = commit * kRows + i, .episode = commit, .reward = 0.5});
+    writer->AddStep({.env_step = commit * kRows + i, .episode = commit, .t = i - 1, .reward = 0.5});
   }
-  writer->AddEpisode(
-      {.episode = commit, .env_step = (commit + 1) * kRows, .episode_return = 1.0 / 3});
+  writer->AddEpisode({.episode = commit,
+                      .env_step = (commit + 1) * kRows,
+                      .length = kRows,
+                      .episode_return = 1.0 / 3});
   writer->SetProgress((commit + 1) * kRows);
 }
 

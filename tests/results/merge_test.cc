@@ -25,10 +25,12 @@ void Record(Database* db, const RunSettings& settings, std::int64_t episodes,
     for (std::int64_t i = 1; i <= 10; ++i) {
       writer.AddStep({.env_step = e * 10 + i,
                       .episode = e,
+                      .t = i - 1,
                       .reward = static_cast<double>(settings.seed) + 0.1});
     }
     writer.AddEpisode({.episode = e,
                        .env_step = e * 10 + 10,
+                       .length = 10,
                        .episode_return = static_cast<double>(settings.seed * 10 + e) / 3});
     writer.AddScalar(e * 10 + 10, metric, 0.5);
     writer.AddTimeUse(e * 10 + 10, "learning", static_cast<double>(e));
@@ -221,7 +223,7 @@ TEST_F(MergeTest, ARunThatEndsMeanwhileIsCopiedAsItEnded) {
   const std::int64_t run = MakeRun(a.get());
   RunWriter writer(a.get(), run);
   writer.BeginSegment(MakeSegment(a.get()));
-  writer.AddEpisode({.env_step = 10, .episode_return = 1});
+  writer.AddEpisode({.env_step = 10, .length = 10, .episode_return = 1});
   writer.Commit();
   const auto target = Open("t.db");
   // At the first commit, of the metrics, before any run is copied.

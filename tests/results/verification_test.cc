@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <functional>
 
 #include "recording.h"
 
@@ -12,21 +13,22 @@ namespace {
 class VerificationTest : public testing::Test {
  protected:
   VerificationTest() : db_(Database::OpenOrCreate(folder_ / "r.db")) {
-    const std::int64_t run = MakeRun(db_.get());
+    NewRun row = MakeNewRun(db_.get());
+    row.action_repeat = 500;  // a decision an episode
+    const std::int64_t run = db_->CreateRun(row).run_id;
     RunWriter writer(db_.get(), run);
     writer.BeginSegment(MakeSegment(db_.get()));
     const std::int64_t metric = writer.Metric("loss");
     for (std::int64_t i = 1; i <= 60; ++i) {
       writer.AddStep({.env_step = i * 500,
-                      .episode = i / 2,
-                      .t = i % 2,
+                      .episode = i - 1,
                       .reward = 1.0 / static_cast<double>(i),
                       .value = 3.0 + static_cast<double>(i),
                       .plan_us = 1000 + i,
                       .simulations = 50,
                       .nodes = 51,
                       .depth = 5});
-      writer.AddEpisode({.episode = i,
+      writer.AddEpisode({.episode = i - 1,
                          .env_step = i * 500,
                          .length = 500,
                          .episode_return = 1.0 / static_cast<double>(i),
@@ -37,6 +39,7 @@ class VerificationTest : public testing::Test {
                          .digest = static_cast<std::uint64_t>(i) << 50});
       writer.AddScalar(i * 500, metric, 0.1 * static_cast<double>(i));
     }
+    writer.SetProgress(30000);
     writer.Finish();
     db_->SetRunStatus(run, RunStatus::kFinished, 0);
   }
@@ -129,7 +132,7 @@ TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
 
 TEST_F(VerificationTest, ARunThatGoesOnIsNotHeldToItsOldRecord) {
   RunWriter writer(db_.get(), 1);
-  writer.BeginSegment(MakeSegment(db_.get()), {.env_step = 10000, .training_episodes = 21});
+  writer.BeginSegment(MakeSegment(db_.get()), {.env_step = 10000, .training_episodes = 20});
   EXPECT_EQ(Problems(), 0u);
   db_->SetRunStatus(1, RunStatus::kInterrupted, 75);
   EXPECT_EQ(Problems(), 0u);
@@ -140,11 +143,112 @@ TEST_F(VerificationTest, ARunThatGoesOnIsNotHeldToItsOldRecord) {
 }
 
 TEST_F(VerificationTest, FindsMissingAndAddedRows) {
+  // Fewer than were written, and a hole.
   db_->connection().Execute("DELETE FROM step WHERE env_step = 15000");
-  EXPECT_EQ(Problems(), 1u);
+  EXPECT_EQ(Problems(), 2u);
   db_->connection().Execute(
       "INSERT INTO scalar SELECT run_id, metric_id, 777, 1 FROM scalar LIMIT 1");
-  EXPECT_EQ(Problems(), 2u);
+  EXPECT_EQ(Problems(), 3u);
+}
+
+// Rows that were never written leave every digest right.
+class HolesTest : public testing::Test {
+ protected:
+  // Episodes of two decisions of one or two steps each, from `episode` on.
+  static void AddEpisodes(RunWriter* writer, std::int64_t episode, std::int64_t end) {
+    for (; episode < end; ++episode) {
+      const std::int64_t begin = 3 * episode;
+      writer->AddStep({.env_step = begin + 2, .episode = episode, .t = 0});
+      writer->AddStep({.env_step = begin + 3, .episode = episode, .t = 1});
+      writer->AddEpisode({.episode = episode, .env_step = begin + 3, .length = 3});
+    }
+    writer->SetProgress(3 * end);
+    writer->Commit();
+  }
+  static void AddEvaluation(RunWriter* writer, std::int64_t episode) {
+    writer->AddEpisode({.phase = Phase::kActorEvaluation, .episode = episode, .length = 3});
+    writer->Commit();
+  }
+  std::vector<std::string> Problems(const std::function<void(RunWriter*)>& record) {
+    RunWriter writer(db_.get(), MakeRun(db_.get()));
+    writer.BeginSegment(MakeSegment(db_.get()));
+    record(&writer);
+    return Verify(db_.get(), {});
+  }
+  static void Expect(const std::vector<std::string>& problems,
+                     const std::vector<std::string>& parts) {
+    ASSERT_EQ(problems.size(), parts.size()) << testing::PrintToString(problems);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      EXPECT_NE(problems[i].find(parts[i]), std::string::npos) << problems[i];
+    }
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<Database> db_ = Database::OpenOrCreate(folder_ / "r.db");
+};
+
+TEST_F(HolesTest, ARunWithoutHolesHasNone) {
+  Expect(Problems([](RunWriter* writer) {
+           AddEpisodes(writer, 0, 5);
+           AddEvaluation(writer, 0);
+           AddEvaluation(writer, 1);
+         }),
+         {});
+}
+
+TEST_F(HolesTest, MissingEpisodesAreFoundInBothTables) {
+  Expect(Problems([](RunWriter* writer) {
+           AddEpisodes(writer, 0, 2);
+           AddEpisodes(writer, 4, 5);
+         }),
+         {"decisions are missing between environment steps 6 and 14",
+          "training episodes are missing between environment steps 6 and 15"});
+}
+
+TEST_F(HolesTest, ARunThatDoesNotBeginAtItsBeginningHasAHole) {
+  Expect(Problems([](RunWriter* writer) { AddEpisodes(writer, 1, 2); }),
+         {"decisions are missing between environment steps 0 and 5",
+          "training episodes are missing between environment steps 0 and 6"});
+}
+
+TEST_F(HolesTest, AMissingDecisionIsFoundThoughItsEpisodeIsThere) {
+  Expect(Problems([](RunWriter* writer) {
+           writer->AddStep({.env_step = 2, .episode = 0, .t = 0});
+           writer->AddEpisode({.episode = 0, .env_step = 3, .length = 3});
+           AddEpisodes(writer, 1, 2);
+         }),
+         {"decisions are missing between environment steps 2 and 5"});
+}
+
+TEST_F(HolesTest, DecisionsMissingAtTheEndAreFound) {
+  Expect(Problems([](RunWriter* writer) {
+           AddEpisodes(writer, 0, 2);
+           writer->SetProgress(9);
+           writer->Commit();
+         }),
+         {"decisions are missing between environment steps 6 and 9"});
+}
+
+TEST_F(HolesTest, MissingEvaluationEpisodesAreFound) {
+  Expect(Problems([](RunWriter* writer) {
+           AddEvaluation(writer, 0);
+           AddEvaluation(writer, 2);
+           AddEvaluation(writer, 5);
+         }),
+         {"evaluation episodes are missing before episode 2 of phase 2, and in 1 more"});
+}
+
+TEST_F(HolesTest, ASegmentThatBeginsPastTheEndOfTheOneBeforeIsFound) {
+  Expect(Problems([this](RunWriter* writer) {
+           AddEpisodes(writer, 0, 2);
+           RunWriter later(db_.get(), 1);
+           later.BeginSegment(MakeSegment(db_.get()), {.env_step = 9, .training_episodes = 2});
+           later.SetProgress(6);
+           later.Commit();
+         }),
+         {"segment 1 begins at environment step 9, but what was before it ended at 6"});
+  db_->connection().Execute("DELETE FROM segment WHERE segment = 0");
+  Expect(Verify(db_.get(), {}), {"segment 1 is there, but not segment 0"});
 }
 
 TEST_F(VerificationTest, FindsBinsConfigurationsAndDigestsThatDoNotFollow) {
