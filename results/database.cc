@@ -24,6 +24,9 @@ namespace {
 constexpr const char* kStatusNames[] = {"queued", "running", "finished", "interrupted",
                                         "failed", "crashed", "diverged", "killed"};
 
+// More in a row are a loop, as for the kernel.
+constexpr int kMaxLinks = 40;
+
 // File systems on which the shared memory of WAL does not work between machines.
 bool IsNetworkFileSystem(const std::string& path) {
   struct statfs info;
@@ -63,9 +66,23 @@ void CreateFolders(const std::string& path) {
 }
 
 std::string NamedPath(const std::string& path) {
-  if (!path.empty()) return AbsolutePath(path);
-  throw Error(kExitUsage,
-              "expected the name of a results database, found nothing. Name one with --db.");
+  if (path.empty()) {
+    throw Error(kExitUsage,
+                "expected the name of a results database, found nothing. Name one with --db.");
+  }
+  // The file behind all links, also one that is yet to be made. What is wrong with a path
+  // that cannot be followed shows when it is opened.
+  std::error_code error;
+  std::filesystem::path file = std::filesystem::absolute(path, error);
+  for (int links = 0; links < kMaxLinks && !error; ++links) {
+    const std::filesystem::path folder =
+        std::filesystem::weakly_canonical(file.parent_path(), error);
+    if (error) break;
+    file = folder / file.filename();
+    if (!std::filesystem::is_symlink(file, error)) return file.lexically_normal().string();
+    file = folder / std::filesystem::read_symlink(file, error);
+  }
+  return AbsolutePath(path);
 }
 
 // Text of milliseconds since 1970.

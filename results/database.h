@@ -198,7 +198,8 @@ class Database {
   // Throws what OpenOrCreate would for a place where nothing can be written; creates nothing.
   static void CheckWritable(const std::string& path);
 
-  const std::string& path() const { return connection_->path(); }  // absolute
+  // Absolute, links resolved: who opens the file through a link finds the same folders.
+  const std::string& path() const { return connection_->path(); }
   const std::vector<std::string>& warnings() const { return warnings_; }
   Connection& connection() { return *connection_; }
 
