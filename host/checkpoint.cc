@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <sstream>
+#include <string_view>
 
 #include "error.h"
 #include "whole_file.h"
@@ -51,56 +51,64 @@ void WriteCheckpointFile(const std::filesystem::path& path, const CheckpointSect
   });
 }
 
-CheckpointSections ReadCheckpointFile(const std::filesystem::path& path) {
+CheckpointSections ReadCheckpointFile(const std::filesystem::path& path,
+                                      const SectionFilter& wanted) {
   std::ifstream file(path, std::ios::binary);
   if (!file) {
     throw RunnerError(ExitCode::kNotFound,
                       "no checkpoint " + std::filesystem::absolute(path).string());
   }
-  std::stringstream buffer;
-  buffer << file.rdbuf();
-  const std::string bytes = std::move(buffer).str();
-  std::size_t position = 0;
+  std::error_code error;
+  const std::uint64_t file_size = std::filesystem::file_size(path, error);
+  std::uint64_t position = 0;
   const auto damaged = [&](const std::string& what) {
     return RunnerError(ExitCode::kBadInput,
                        "damaged checkpoint " + std::filesystem::absolute(path).string() + ": " +
                            what + " at byte " + std::to_string(position));
   };
-  const auto take = [&](std::uint64_t size) {
-    if (size > bytes.size() - position) throw damaged("cut off");
-    const char* at = bytes.data() + position;
+  if (error) throw damaged(error.message());
+  const auto advance = [&](std::uint64_t size) {
+    if (size > file_size - position) throw damaged("cut off");
     position += size;
-    return at;
+  };
+  const auto take = [&](std::uint64_t size) {
+    advance(size);
+    std::string bytes(size, '\0');
+    if (!file.read(bytes.data(), static_cast<std::streamsize>(size))) throw damaged("unreadable");
+    return bytes;
   };
   const auto take_size = [&] {
     std::uint64_t size;
-    std::memcpy(&size, take(sizeof size), sizeof size);
+    std::memcpy(&size, take(sizeof size).data(), sizeof size);
     return size;
   };
-  if (std::memcmp(take(sizeof kMagic), kMagic, sizeof kMagic) != 0) {
+  if (take(sizeof kMagic) != std::string_view(kMagic, sizeof kMagic)) {
     throw damaged("not a checkpoint of this format version");
   }
   CheckpointSections sections;
   for (;;) {
-    const std::uint64_t name_size = take_size();
-    const char* name_data = take(name_size);
-    const std::string name(name_data, name_size);
+    const std::string name = take(take_size());
     const std::uint64_t data_size = take_size();
-    const char* digest = take(SHA256_DIGEST_LENGTH);
-    const char* data = take(data_size);
-    const Digest found = SectionDigest(name, data, data_size);
-    if (std::memcmp(digest, found.data(), found.size()) != 0) {
+    const std::string digest = take(SHA256_DIGEST_LENGTH);
+    if (wanted && name != kEnd && !wanted(name)) {
+      advance(data_size);
+      file.seekg(static_cast<std::streamoff>(position));
+      continue;
+    }
+    std::string data = take(data_size);
+    const Digest found = SectionDigest(name, data.data(), data.size());
+    if (std::memcmp(digest.data(), found.data(), found.size()) != 0) {
       throw damaged("checksum of section '" + name + "' does not match");
     }
     if (name == kEnd) break;
-    sections[name] = std::string(data, data_size);
+    sections[name] = std::move(data);
   }
-  if (position != bytes.size()) throw damaged("bytes after the end");
+  if (position != file_size) throw damaged("bytes after the end");
   return sections;
 }
 
-std::vector<std::filesystem::path> CheckpointFolder::List() const {
-  std::vector<std::pair<std::uint64_t, std::filesystem::path>> found;
+std::vector<CheckpointFolder::Found> CheckpointFolder::List() const {
+  std::vector<Found> found;
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(folder_, ignored)) {
     std::uint64_t env_step = 0;
@@ -108,13 +116,12 @@ std::vector<std::filesystem::path> CheckpointFolder::List() const {
     const std::string name = entry.path().filename().string();
     if (std::sscanf(name.c_str(), "checkpoint-%" SCNu64 ".ckpt%n", &env_step, &length) == 1 &&
         length == static_cast<int>(name.size())) {
-      found.emplace_back(env_step, entry.path());
+      found.push_back({env_step, entry.path()});
     }
   }
-  std::sort(found.begin(), found.end(), std::greater<>());
-  std::vector<std::filesystem::path> paths;
-  for (auto& [env_step, path] : found) paths.push_back(std::move(path));
-  return paths;
+  std::sort(found.begin(), found.end(),
+            [](const Found& a, const Found& b) { return a.env_step > b.env_step; });
+  return found;
 }
 
 std::filesystem::path CheckpointFolder::PathOf(std::uint64_t env_step) const {
@@ -122,30 +129,38 @@ std::filesystem::path CheckpointFolder::PathOf(std::uint64_t env_step) const {
 }
 
 std::filesystem::path CheckpointFolder::Write(std::uint64_t env_step,
-                                              const CheckpointSections& sections) {
+                                              const CheckpointSections& sections,
+                                              std::uint64_t before) {
   const std::filesystem::path path = PathOf(env_step);
   WriteCheckpointFile(path, sections);
-  const std::vector<std::filesystem::path> all = List();
-  for (std::size_t i = 2; i < all.size(); ++i) {
+  // One that took the place of its like was reached from what that was reached from.
+  if (before == env_step) return path;
+  for (const Found& found : List()) {
+    if (found.env_step >= env_step || found.env_step == before) continue;
     std::error_code ignored;
-    std::filesystem::remove(all[i], ignored);
+    std::filesystem::remove(found.path, ignored);
   }
   return path;
 }
 
-std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest() const {
-  std::vector<std::string> skipped;
-  for (const std::filesystem::path& path : List()) {
+std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest(
+    const Judge& judge, const SectionFilter& wanted) const {
+  std::vector<Skipped> skipped;
+  for (const Found& found : List()) {
     try {
-      CheckpointSections sections = ReadCheckpointFile(path);
-      return Loaded{path, std::move(sections), std::move(skipped)};
+      CheckpointSections sections = ReadCheckpointFile(found.path, wanted);
+      const std::string why = judge ? judge(sections) : "";
+      if (why.empty()) return Loaded{found.path, std::move(sections), std::move(skipped)};
+      skipped.push_back({false, std::filesystem::absolute(found.path).string() + " " + why});
     } catch (const RunnerError& error) {
-      skipped.push_back(error.what());
+      skipped.push_back({true, error.what()});
     }
   }
   if (skipped.empty()) return std::nullopt;
-  std::string message = "no whole checkpoint is left; start over with --retry --replace.";
-  for (const std::string& why : skipped) message += "\n  " + why;
+  std::string message = "no whole checkpoint";
+  if (judge) message += " that continues the run";
+  message += " is left in " + std::filesystem::absolute(folder_).string();
+  for (const Skipped& one : skipped) message += "\n  " + one.why;
   throw RunnerError(ExitCode::kBadInput, message);
 }
 

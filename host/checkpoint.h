@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -25,8 +26,13 @@ using CheckpointSections = std::map<std::string, std::string>;
 // and the free space; then no file of that name was changed.
 void WriteCheckpointFile(const std::filesystem::path& path, const CheckpointSections& sections);
 
-// Throws RunnerError 65 with what is wrong, 66 if there is no such file.
-CheckpointSections ReadCheckpointFile(const std::filesystem::path& path);
+// Which sections to read; the others are passed over, unchecked.
+using SectionFilter = std::function<bool(const std::string& name)>;
+
+// Throws RunnerError 65 with what is wrong, 66 if there is no such file. All sections
+// unless `wanted` is given.
+CheckpointSections ReadCheckpointFile(const std::filesystem::path& path,
+                                      const SectionFilter& wanted = {});
 
 // The checkpoints of one run: files `checkpoint-<env_step>.ckpt` in its folder.
 class CheckpointFolder {
@@ -35,21 +41,36 @@ class CheckpointFolder {
 
   std::filesystem::path PathOf(std::uint64_t env_step) const;
 
-  // Writes one and removes all but the last two. Returns its path.
-  std::filesystem::path Write(std::uint64_t env_step, const CheckpointSections& sections);
+  // Writes one and removes those of fewer steps but the one at `before`, from which
+  // this one was reached. Those of more steps are another process's or remade later: they
+  // stay. Returns its path.
+  std::filesystem::path Write(std::uint64_t env_step, const CheckpointSections& sections,
+                              std::uint64_t before);
 
+  // One that was passed over, and why.
+  struct Skipped {
+    bool damaged = false;  // otherwise whole, but of no use to who asked
+    std::string why;
+  };
   struct Loaded {
     std::filesystem::path path;
     CheckpointSections sections;
-    std::vector<std::string> skipped;  // newer ones that were damaged, and why
+    std::vector<Skipped> skipped;  // newer ones
   };
-  // The newest whole one; nullopt if there is none at all. Throws if there are
-  // some and all are damaged.
-  std::optional<Loaded> LoadNewest() const;
+  // Why a whole checkpoint is of no use; empty if it is the one.
+  using Judge = std::function<std::string(const CheckpointSections& sections)>;
+  // The newest that is whole and that `judge` lets through, with the sections `wanted`;
+  // nullopt if there is none at all. Throws RunnerError 65, with the reasons, if there are
+  // some and none will do.
+  std::optional<Loaded> LoadNewest(const Judge& judge = {}, const SectionFilter& wanted = {}) const;
 
  private:
-  // Paths, newest first.
-  std::vector<std::filesystem::path> List() const;
+  struct Found {
+    std::uint64_t env_step;
+    std::filesystem::path path;
+  };
+  // Newest first.
+  std::vector<Found> List() const;
 
   std::filesystem::path folder_;
 };

@@ -13,6 +13,7 @@
 #include "catalogue.h"
 #include "episode.h"
 #include "error.h"
+#include "resumption.h"
 #include "schedule.h"
 
 namespace dreamsearch {
@@ -187,7 +188,8 @@ void Evaluation::Record(const Played& played, double seconds) {
   CheckpointSections sections;
   sections["header"] = options_.checkpoint_header;
   sections["position"] = std::move(position).bytes();
-  CheckpointFolder(folder_).Write(at_.episodes, sections);
+  AddRowSums(*writer_, &sections);
+  CheckpointFolder(folder_).Write(at_.episodes, sections, at_.episodes - 1);
 }
 
 Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& watcher) {

@@ -10,6 +10,7 @@
 #include "episode.h"
 #include "error.h"
 #include "results/digest.h"
+#include "resumption.h"
 #include "schedule.h"
 
 namespace dreamsearch {
@@ -424,10 +425,13 @@ void Experiment::WriteCheckpoint(bool with_replay) {
   // The rows before the checkpoint first: a resume relies on them.
   writer_->SetProgress(Signed(at_.env_step));
   writer_->Commit();
+  const std::uint64_t before = at_.checkpoint_env_step;
   at_.checkpoint_env_step = at_.env_step;
   at_.events = static_cast<std::uint64_t>(writer_->events());
+  CheckpointSections sections = Save(with_replay);
+  AddRowSums(*writer_, &sections);
   const std::filesystem::path path =
-      CheckpointFolder(folder_).Write(at_.env_step, Save(with_replay));
+      CheckpointFolder(folder_).Write(at_.env_step, sections, before);
   AddArtifact(path, "checkpoint");
   writer_->Commit();
 }

@@ -438,7 +438,7 @@ void AddReplaceFlag(ProcessOptions* process, po::options_description* flags) {
   flags->add_options()
       ("replace", po::bool_switch(&process->replace),
        "start an unfinished run over that cannot go on: a plugin of it has changed, or none of its "
-       "checkpoints is whole");
+       "checkpoints is whole and of the database's rows; deletes what it recorded");
 }
 
 void AddRecordingFlags(ProcessOptions* process, po::options_description* flags) {

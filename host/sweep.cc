@@ -9,6 +9,7 @@
 #include "catalogue.h"
 #include "checkpoint.h"
 #include "provenance.h"
+#include "resumption.h"
 #include "whole_file.h"
 
 namespace dreamsearch {
@@ -69,12 +70,26 @@ std::string ChangedPlugin(results::Database* database, const results::RunInfo& r
   return "";
 }
 
-// Why an unfinished run cannot go on; empty if nothing is known against it. Reading the
-// checkpoints takes long, so it is for the worker to find them damaged unless they are
-// to be given up (`replace`) or alone can tell which plugins the run was begun with.
-std::string WhyNotResumable(results::Database* database, const results::RunInfo& run,
-                            const RunSpec& spec, bool replace) {
-  if (std::string changed = ChangedPlugin(database, run, spec); !changed.empty()) return changed;
+// Why an unfinished run cannot go on.
+struct Obstacle {
+  ExitCode code = ExitCode::kPluginRefused;
+  std::string why;
+};
+
+// The obstacle if there is one. Reads no more of the checkpoints than it must: the worker
+// reads them whole, and finds what is damaged. If they are to be given up (`replace`) this
+// must find it.
+std::optional<Obstacle> ObstacleOf(results::Database* database, const results::RunInfo& run,
+                                   const RunSpec& spec, bool replace) {
+  const auto other_plugin = [&](const std::string& changed) {
+    return Obstacle{ExitCode::kPluginRefused,
+                    replace ? changed
+                            : "it was begun with another plugin: " + changed +
+                                  ". Use --replace to start it over, or another --study"};
+  };
+  if (const std::string changed = ChangedPlugin(database, run, spec); !changed.empty()) {
+    return other_plugin(changed);
+  }
   const std::filesystem::path folder = database->RunFolder(run);
   bool recorded = false;
   try {
@@ -83,25 +98,32 @@ std::string WhyNotResumable(results::Database* database, const results::RunInfo&
     for (const ResolvedComponent* component : ComponentsOf(before)) {
       then[component->info->plugin.name] = component->info->plugin.sha256;
     }
-    if (std::string changed = ChangedPlugin(then, spec); !changed.empty()) return changed;
+    if (const std::string changed = ChangedPlugin(then, spec); !changed.empty()) {
+      return other_plugin(changed);
+    }
     recorded = true;
   } catch (const RunnerError&) {
     // No readable run.json: its process was killed before it was there. It is written anew.
   }
-  if (recorded && !replace) return "";
   try {
-    auto loaded = CheckpointFolder(folder).LoadNewest();
-    if (!loaded) return "";
-    const nlohmann::json header = nlohmann::json::parse(loaded->sections["header"], nullptr, false);
-    const auto then = header.find("plugins");
-    if (then == header.end()) return "its checkpoint has no header";
-    if (replace && Text(header, "instruction_set") != InstructionSetInUse()) {
-      return "its checkpoint was made with another instruction set";
+    const Resumption resumption = FindResumption(
+        database, run, spec, folder, replace ? CheckpointPart::kWhole : CheckpointPart::kOutline);
+    if (!resumption.checkpoint) return std::nullopt;
+    const nlohmann::json header =
+        nlohmann::json::parse(resumption.checkpoint->sections.at("header"));
+    if (!recorded) {
+      const std::string changed =
+          ChangedPlugin(header.value("plugins", nlohmann::json::object()), spec);
+      if (!changed.empty()) return other_plugin(changed);
     }
-    return ChangedPlugin(*then, spec);
-  } catch (const RunnerError&) {
-    return replace ? "no whole checkpoint is left" : "";
+    if (replace && Text(header, "instruction_set") != InstructionSetInUse()) {
+      return Obstacle{ExitCode::kPluginRefused,
+                      "its checkpoint was made with another instruction set"};
+    }
+  } catch (const RunnerError& error) {
+    return Obstacle{error.code(), error.what()};
   }
+  return std::nullopt;
 }
 
 std::int64_t PluginId(results::Database* database, const ResolvedComponent& component) {
@@ -115,14 +137,26 @@ std::int64_t PluginId(results::Database* database, const ResolvedComponent& comp
   return database->Plugin(row);
 }
 
-// What a run that starts over must not find: checkpoints, trees and run.json of before.
-void RemoveState(const std::filesystem::path& folder) {
-  std::error_code ignored;
-  std::filesystem::remove(folder / kSpecFile, ignored);
-  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    const std::filesystem::path kind = entry.path().extension();
-    if (kind == ".ckpt" || kind == ".trees") std::filesystem::remove(entry.path(), ignored);
+// Gives a run that starts over a folder of this database's own, without the checkpoints,
+// trees and run.json of before. What another database's folder has is that one's.
+void ClearOwnFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  std::vector<std::filesystem::path> before = {folder / kSpecFile};
+  if (!error) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      const std::filesystem::path kind = entry.path().extension();
+      if (kind == ".ckpt" || kind == ".trees") before.push_back(entry.path());
+    }
   }
+  for (const std::filesystem::path& path : before) {
+    if (!error) std::filesystem::remove(path, error);
+  }
+  if (!error) return;
+  throw RunnerError(
+      error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kInputOutput,
+      "cannot clear the folder " + folder.string() +
+          ", so the run is not started over: " + error.message());
 }
 
 // What the run was begun with recording is recorded on, whoever resumes it.
@@ -210,17 +244,16 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
         run.action = Action::kSkipFailed;
         run.note = std::string(results::RunStatusName(found->status)) + " before (" +
                    found->error + "); --retry runs it again";
-      } else if (const std::string why = WhyNotResumable(database, *found, spec, options.replace);
-                 why.empty()) {
+      } else if (const auto obstacle = ObstacleOf(database, *found, spec, options.replace);
+                 !obstacle) {
         run.action = Action::kResume;
         run.note = spec.evaluation ? "from its last recorded episode"
                                    : "from environment step " +
                                          std::to_string(found->env_steps_done);
       } else {
         run.action = options.replace ? Action::kStartOver : Action::kRefused;
-        run.note = options.replace ? why
-                                   : "it was begun with another plugin: " + why +
-                                         ". Use --replace to start it over, or another --study";
+        run.note = obstacle->why;
+        run.refusal = obstacle->code;
       }
     }
     planned.push_back(std::move(run));
@@ -263,7 +296,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;
     if (run.action == Action::kStartOver) {
-      RemoveState(database->RunFolder(*database->GetRun(run_id)));
+      ClearOwnFolder(database->OwnFolder(*database->GetRun(run_id)));
       database->ReplaceRun(run_id, row);
     } else {
       run_id = database->CreateRun(row).run_id;
@@ -289,11 +322,11 @@ int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& pla
 }
 
 int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result) {
-  const bool refused = std::any_of(planned.begin(), planned.end(), [](const PlannedRun& run) {
+  const auto refused = std::find_if(planned.begin(), planned.end(), [](const PlannedRun& run) {
     return run.action == Action::kRefused;
   });
-  return refused && result.exit_status != static_cast<int>(ExitCode::kInterrupted)
-             ? static_cast<int>(ExitCode::kPluginRefused)
+  return refused != planned.end() && result.exit_status != static_cast<int>(ExitCode::kInterrupted)
+             ? static_cast<int>(refused->refusal)
              : result.exit_status;
 }
 
@@ -304,11 +337,12 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
     const bool finished = run.status == results::RunStatus::kFinished;
     throw RunnerError(
         ExitCode::kNotFound,
-        "the files of run " + std::to_string(run.run_id) + " are gone: expected " +
-            path.string() + ". Put the folder " + folder.string() + " back from where " +
-            database->path() + " came from, or " +
+        "the files of run " + std::to_string(run.run_id) + " are gone: expected " + path.string() +
+            ". Put the folder " + folder.string() + " back from where " + database->path() +
+            " came from, or " +
             (finished ? "delete the run with `results delete` and give its command again: "
-                      : "give the command that began it again: ") +
+                      : "give the command that began it again, with --retry --replace if it had a "
+                        "checkpoint: ") +
             run.argv);
   }
   try {
@@ -347,6 +381,7 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                           ". Give its command again with --replace to start it over, or with "
                           "another --study");
   }
+  FindResumption(database, run, spec, database->RunFolder(run), CheckpointPart::kOutline);
   return JobFor(database, options, spec, run);
 }
 

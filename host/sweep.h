@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "error.h"
 #include "options.h"
 #include "probe.h"
 #include "results/database.h"
@@ -29,7 +30,7 @@ enum class Action {
   kSkipFinished,
   kSkipFailed,
   kSkipActive,
-  kRefused,  // begun with other plugins
+  kRefused,  // begun with other plugins, or its checkpoints do not continue it
 };
 bool IsWork(Action action);
 
@@ -38,11 +39,12 @@ struct PlannedRun {
   Action action = Action::kStart;
   std::int64_t run_id = 0;  // 0: not recorded yet
   std::string note;         // why it is left alone or starts over, or what it goes on from
+  ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with
 };
 
 // What the same command does now. Reads only; `database` may be null (no file yet). An
-// unfinished run whose plugins changed is refused, unless options.replace: then it starts
-// over, as does one without a whole checkpoint.
+// unfinished run whose plugins changed or that has lost its checkpoints is refused, unless
+// options.replace: then it starts over.
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
 
@@ -50,8 +52,8 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
 // of them that failed before, 0 if none did.
 int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned);
 
-// What the command ends with: 75 if it was stopped, else 69 if a run was refused, else
-// what its jobs ended with.
+// What the command ends with: 75 if it was stopped, else the code of the first run that
+// was refused, else what its jobs ended with.
 int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result);
 
 // Records the planned runs and returns the jobs for those to be worked on, in
@@ -71,8 +73,8 @@ std::string ChangedFile(const RunSpec& spec);
 // The checkpoint of the trained run that an evaluation names; empty if it names none.
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
 
-// The job of a recorded run. Throws what RecordedSpec throws, and 69 if a plugin's
-// file has changed.
+// The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
+// a plugin's file has changed.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run);
 

@@ -5,6 +5,7 @@
 
 #include "checkpoint.h"
 #include "experiment.h"
+#include "resumption.h"
 #include "sweep.h"
 
 namespace dreamsearch {
@@ -31,14 +32,31 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
   }
   const std::string name = RunName(found);
   const std::string folder = database->RunFolder(found.info);
-  auto loaded = CheckpointFolder(folder).LoadNewest();
+  std::optional<CheckpointFolder::Loaded> loaded;
+  try {
+    loaded = CheckpointFolder(folder).LoadNewest([&](const CheckpointSections& sections) {
+      if (!HasRowSums(sections) &&
+          Experiment::ResumePointOf(sections).env_step <= found.info.env_steps_done) {
+        return std::string();
+      }
+      return WhyUnfit(database, found.info, found.spec, sections);
+    });
+  } catch (const RunnerError& error) {
+    throw RunnerError(error.code(), name + ": " + error.what());
+  }
   if (!loaded) {
     throw RunnerError(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
                                                results::RunStatusName(found.info.status) + ") in " +
                                                folder);
   }
   found.checkpoint = loaded->path;
-  found.warnings = loaded->skipped;
+  for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
+    found.warnings.push_back(skipped.why);
+  }
+  if (!HasRowSums(loaded->sections)) {
+    found.warnings.push_back(loaded->path.string() +
+                             " was made by an older runner and does not say of which rows it is");
+  }
   found.env_step = static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
   found.agent_sha256 = Sha256(loaded->sections["model"]);
 

@@ -25,6 +25,7 @@
 #include "report.h"
 #include "results/database.h"
 #include "results/run_writer.h"
+#include "resumption.h"
 
 namespace dreamsearch {
 namespace {
@@ -70,23 +71,12 @@ Descriptor LockRun(const std::filesystem::path& folder) {
 }
 
 // What a checkpoint must agree with before a run goes on from it.
-std::string CheckpointHeader(const RunSpec& spec) {
-  nlohmann::json header;
-  header["configuration"] = ConfigurationSha256(spec);
-  header["seed"] = spec.seed;
-  for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
-  }
-  header["instruction_set"] = InstructionSetInUse();
-  return header.dump();
-}
-
 void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
                  const std::filesystem::path& path) {
   const auto found = sections.find("header");
   const nlohmann::json stored = nlohmann::json::parse(
       found != sections.end() ? found->second : std::string(), nullptr, false);
-  const nlohmann::json expected = nlohmann::json::parse(CheckpointHeader(job.spec));
+  const nlohmann::json expected = nlohmann::json::parse(CheckpointHeader(job.spec, ""));
   if (!stored.is_object()) {
     throw RunnerError(ExitCode::kBadInput, path.string() + " has no readable header");
   }
@@ -123,19 +113,13 @@ void CheckPluginFiles(const RunSpec& spec) {
 
 void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
 
-// Environment step and counts from which the run goes on.
-results::ResumePoint ResumePointOf(const WorkerJob& job, const CheckpointSections& sections) {
-  return job.spec.evaluation ? Evaluation::ResumePointOf(sections, job.spec.evaluation->env_step)
-                             : Experiment::ResumePointOf(sections);
-}
-
-std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, double segment_started,
-                                         results::RunWriter* writer) {
+std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
+                                         double segment_started, results::RunWriter* writer) {
   if (job.spec.evaluation) {
     Evaluation::Options options;
     options.threads = job.threads;
     options.agent = job.agent_checkpoint;
-    options.checkpoint_header = CheckpointHeader(job.spec);
+    options.checkpoint_header = CheckpointHeader(job.spec, uuid);
     return std::make_unique<Evaluation>(job.spec, options, writer, job.folder);
   }
   Experiment::Options options;
@@ -143,7 +127,7 @@ std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, double segment_st
   options.threads = job.threads;
   options.log_decisions = job.log_decisions;
   options.record_trees = job.record_trees;
-  options.checkpoint_header = CheckpointHeader(job.spec);
+  options.checkpoint_header = CheckpointHeader(job.spec, uuid);
   return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
 }
 
@@ -154,11 +138,16 @@ int Work(const WorkerJob& job) {
   }
   const Descriptor lock = LockRun(job.folder);
   CheckPluginFiles(job.spec);
-  const CheckpointFolder checkpoints(job.folder);
-  std::optional<CheckpointFolder::Loaded> loaded = checkpoints.LoadNewest();
+  const auto database = results::Database::OpenExisting(job.db);
+  const std::optional<results::RunInfo> run = database->GetRun(job.run_id);
+  if (!run) {
+    throw RunnerError(ExitCode::kNotFound,
+                      job.db + ": there is no run " + std::to_string(job.run_id));
+  }
+  auto [loaded, point] =
+      FindResumption(database.get(), *run, job.spec, job.folder, CheckpointPart::kWhole);
   if (loaded) CheckHeader(loaded->sections, job, loaded->path);
 
-  const auto database = results::Database::OpenExisting(job.db);
   results::RunWriter writer(database.get(), job.run_id);
   results::SegmentInfo segment;
   segment.pid = ::getpid();
@@ -166,16 +155,18 @@ int Work(const WorkerJob& job) {
   segment.build_id = database->Build(ThisBuild());
   segment.instruction_set = InstructionSetInUse();
   if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
-  writer.BeginSegment(segment, loaded ? ResumePointOf(job, loaded->sections) : results::ResumePoint());
+  writer.BeginSegment(segment, point);
 
   const double segment_started = ActivityClock::Now();
   std::unique_ptr<Procedure> procedure;
+  bool ready = false;  // until then the run stands where the segment begins
   try {
-    procedure = MakeProcedure(job, segment_started, &writer);
+    procedure = MakeProcedure(job, run->uuid, segment_started, &writer);
     if (loaded) {
-      for (const std::string& skipped : loaded->skipped) {
-        writer.AddEvent(0, "warning", "damaged_checkpoint", skipped);
-        std::cerr << "warning: " << skipped << "\n";
+      for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
+        writer.AddEvent(point.env_step, "warning",
+                        skipped.damaged ? "damaged_checkpoint" : "unused_checkpoint", skipped.why);
+        std::cerr << "warning: " << skipped.why << "\n";
       }
       procedure->Load(loaded->sections);
       writer.AddEvent(static_cast<std::int64_t>(procedure->env_step()), "info", "resume",
@@ -183,6 +174,7 @@ int Work(const WorkerJob& job) {
       std::cerr << "resumed at environment step " << procedure->env_step() << "\n";
       loaded.reset();
     }
+    ready = true;
     double last_report = 0;
     const Procedure::Outcome outcome =
         procedure->Run(&stop_requested, [&](const RunProgress& progress) {
@@ -209,10 +201,11 @@ int Work(const WorkerJob& job) {
     std::cerr << "finished, result digest " << report.result_digest << "\n";
     return 0;
   } catch (const RunnerError& error) {
-    writer.AddEvent(procedure ? static_cast<std::int64_t>(procedure->env_step()) : 0, "error",
-                    error.code() == ExitCode::kDiverged ? "diverged" : "failed", error.what());
-    writer.EndSegment(error.code() == ExitCode::kDiverged ? "diverged" : "failed",
-                      procedure ? static_cast<std::int64_t>(procedure->env_step()) : 0);
+    const std::int64_t env_step =
+        ready ? static_cast<std::int64_t>(procedure->env_step()) : point.env_step;
+    const char* reason = error.code() == ExitCode::kDiverged ? "diverged" : "failed";
+    writer.AddEvent(env_step, "error", reason, error.what());
+    writer.EndSegment(reason, env_step);
     throw;
   }
 }

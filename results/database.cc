@@ -632,6 +632,12 @@ bool Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
 
 void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
   connection_->Transact([&] {
+    Statement find = connection_->Prepare("SELECT uuid FROM run WHERE run_id = ?1");
+    if (!find.Bind(run_id).Step()) {
+      throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
+    }
+    const std::string uuid = find.Text(0);
+    find.Reset();
     // The bins go first, so that no trigger maintains what is about to vanish.
     for (const char* table : {"curve_bin", "chunk_digest", "step", "episode", "scalar", "time_use",
                               "event", "artifact", "segment"}) {
@@ -646,14 +652,12 @@ void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
             " preset = ?10, seed = ?11, action_repeat = ?12, env_steps_target = ?13,"
             " parent_run_id = ?14, argv = ?15, build_id = ?16, env_steps_done = 0,"
             " status = 'queued', exit_code = NULL, error = '', ended_utc = NULL,"
-            " heartbeat_utc = NULL, result_digest = NULL WHERE run_id = ?1")
+            " heartbeat_utc = NULL, result_digest = NULL, log_path = ?17 WHERE run_id = ?1")
         .Bind(run_id, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
-              run.action_repeat, run.env_steps_target, run.parent_run_id, run.argv, run.build_id)
+              run.action_repeat, run.env_steps_target, run.parent_run_id, run.argv, run.build_id,
+              RelativePath(NewRunFolder(uuid) + "/" + run.log_name))
         .Run();
-    if (connection_->Changes() != 1) {
-      throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
-    }
   });
 }
 
@@ -743,6 +747,13 @@ std::vector<EpisodeInfo> Database::ListEpisodes(std::int64_t run_id) {
     episodes.push_back(episode);
   }
   return episodes;
+}
+
+std::string Database::LastArtifact(std::int64_t run_id, const std::string& kind) {
+  Statement find = connection_->Prepare(
+      "SELECT path FROM artifact WHERE run_id = ?1 AND kind = ?2 ORDER BY env_step DESC LIMIT 1");
+  if (!find.Bind(run_id, kind).Step()) return "";
+  return (std::filesystem::path(path()).parent_path() / find.Text(0)).string();
 }
 
 void Database::AddEvent(std::int64_t run_id, std::int64_t env_step, const std::string& level,

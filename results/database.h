@@ -207,6 +207,8 @@ class Database {
   // the folder of its log, which of a merged run is where its source had it. Not created
   // here.
   std::string RunFolder(const RunInfo& run) const;
+  // "<path>.files/<uuid>", whatever is there.
+  std::string OwnFolder(const RunInfo& run) const { return NewRunFolder(run.uuid); }
   // A path below the database's folder as it is stored; others stay as they are.
   std::string RelativePath(const std::string& path) const;
 
@@ -234,7 +236,8 @@ class Database {
                     std::optional<int> exit_code = std::nullopt, const std::string& error = "",
                     const std::optional<WorkerInfo>& worker = std::nullopt);
   // Plugins or configuration of an unfinished run changed with the user's leave:
-  // replaces the row's settings, keeps its identity, deletes what it did so far.
+  // replaces the row's settings, keeps its identity, deletes what it did so far. Its
+  // files are from then on in OwnFolder.
   void ReplaceRun(std::int64_t run_id, const NewRun& run);
   // Deletes the run, everything it recorded, and the evaluations below it. Files
   // in its folder stay.
@@ -248,6 +251,10 @@ class Database {
 
   // A run's episodes in the order of phase and episode.
   std::vector<EpisodeInfo> ListEpisodes(std::int64_t run_id);
+
+  // The path of the file of that kind with the largest env_step, absolute; of which the
+  // run has said that it was made. Empty if it has named none.
+  std::string LastArtifact(std::int64_t run_id, const std::string& kind);
 
   // What the supervisor has to say about a run it does not write itself.
   void AddEvent(std::int64_t run_id, std::int64_t env_step, const std::string& level,

@@ -53,6 +53,18 @@ std::uint64_t RowDigest(const EpisodeRow& row) {
   return digest.state();
 }
 
+std::uint64_t SeedDigest(const StepRow& row) {
+  StepRow timeless = row;
+  timeless.plan_us = 0;
+  return RowDigest(timeless);
+}
+
+std::uint64_t SeedDigest(const EpisodeRow& row) {
+  EpisodeRow timeless = row;
+  timeless.wall_seconds = timeless.plan_us_mean = timeless.plan_us_p95 = 0;
+  return RowDigest(timeless);
+}
+
 std::uint64_t ScalarRowDigest(std::uint64_t metric, std::int64_t env_step, double value) {
   RollingDigest digest(3);
   digest.AddBits(metric);

@@ -20,6 +20,9 @@ namespace dreamsearch::results {
 
 std::uint64_t RowDigest(const StepRow& row);
 std::uint64_t RowDigest(const EpisodeRow& row);
+// The same of what the seed decides, that is without the times.
+std::uint64_t SeedDigest(const StepRow& row);
+std::uint64_t SeedDigest(const EpisodeRow& row);
 // metric: MetricDigest of the metric's name and unit.
 std::uint64_t ScalarRowDigest(std::uint64_t metric, std::int64_t env_step, double value);
 std::uint64_t MetricDigest(const std::string& name, const std::string& unit);

@@ -14,7 +14,52 @@ constexpr std::chrono::seconds kCommitInterval{1};
 constexpr const char* kActivities[] = {"environment", "planning",  "learning",
                                        "evaluation",  "recording", "other"};
 
+bool IsStart(const ResumePoint& point) {
+  return point.env_step == 0 && point.training_episodes == 0 &&
+         point.search_evaluation_episodes == 0 && point.actor_evaluation_episodes == 0 &&
+         point.events == 0;
+}
+
+// From the start even the rows of env_step 0 go.
+std::int64_t LastKept(const ResumePoint& point) { return IsStart(point) ? -1 : point.env_step; }
+
+void Count(const StepRow& row, RowSums* rows) {
+  ++rows->steps;
+  rows->steps_digest += SeedDigest(row);
+}
+void Count(const EpisodeRow& row, RowSums* rows) {
+  ++rows->episodes;
+  rows->episodes_digest += SeedDigest(row);
+}
+void Uncount(const StepRow& row, RowSums* rows) {
+  --rows->steps;
+  rows->steps_digest -= SeedDigest(row);
+}
+void Uncount(const EpisodeRow& row, RowSums* rows) {
+  --rows->episodes;
+  rows->episodes_digest -= SeedDigest(row);
+}
+
+RowSums SumRows(Connection& db, std::int64_t run_id, const ResumePoint& point) {
+  RowSums rows;
+  Statement steps = db.Prepare(std::string("SELECT ") + kStepColumns +
+                               " FROM step WHERE run_id = ?1 AND env_step <= ?2");
+  steps.Bind(run_id, LastKept(point));
+  while (steps.Step()) Count(ReadStep(steps), &rows);
+  Statement episodes = db.Prepare(std::string("SELECT ") + kEpisodeColumns +
+                                  " FROM episode WHERE run_id = ?1 AND episode <"
+                                  " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END");
+  episodes.Bind(run_id, point.training_episodes, point.search_evaluation_episodes,
+                point.actor_evaluation_episodes);
+  while (episodes.Step()) Count(ReadEpisode(episodes), &rows);
+  return rows;
+}
+
 }  // namespace
+
+RowSums RowSumsAt(Database* database, std::int64_t run_id, const ResumePoint& point) {
+  return SumRows(database->connection(), run_id, point);
+}
 
 RunWriter::RunWriter(Database* database, std::int64_t run_id)
     : database_(database),
@@ -69,11 +114,15 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
 RunWriter::~RunWriter() = default;
 
 void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& point) {
-  const bool start = point.env_step == 0 && point.training_episodes == 0 &&
-                     point.search_evaluation_episodes == 0 &&
-                     point.actor_evaluation_episodes == 0 && point.events == 0;
-  // From the start even the rows of env_step 0 go.
-  const std::int64_t last_kept = start ? -1 : point.env_step;
+  const std::int64_t last_kept = LastKept(point);
+  // Before the transaction, which others wait for: this process alone writes the run.
+  const RowSums rows = SumRows(connection_, run_id_, point);
+  if (point.rows && *point.rows != rows) {
+    throw Error(kExitBadData, connection_.path() + ": run " + std::to_string(run_id_) +
+                                  " does not have the rows that its checkpoint of environment "
+                                  "step " +
+                                  std::to_string(point.env_step) + " was made with.");
+  }
   std::int64_t rolled_back = 0;
   std::int64_t number = 0;
   connection_.Transact([&] {
@@ -108,7 +157,8 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
     connection_
         .Prepare(
             "DELETE FROM event WHERE run_id = ?1 AND seq >= ?2 AND kind NOT IN ('crashed',"
-            " 'damaged_checkpoint', 'diverged', 'failed', 'interrupted', 'killed', 'resume')")
+            " 'damaged_checkpoint', 'diverged', 'failed', 'interrupted', 'killed', 'resume',"
+            " 'unused_checkpoint')")
         .Bind(run_id_, point.events)
         .Run();
     rolled_back += connection_.Changes();
@@ -148,6 +198,7 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
   segment_ = number;
   rows_rolled_back_ = rolled_back;
   env_steps_done_ = point.env_step;
+  rows_ = rows;
   LoadStored();
   last_commit_ = std::chrono::steady_clock::now();
 }
@@ -282,7 +333,7 @@ void RunWriter::CheckOwnership() {
   }
 }
 
-void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
+void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
   Chunks chunks;
   // A key at or below the largest stored one may replace a row, whose digest must
   // then leave its chunk.
@@ -291,6 +342,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
       if (select_step_.Bind(run_id_, row.env_step).Step()) {
         const StepRow old = ReadStep(select_step_);
         chunks[{"step", BinOf(old.env_step)}].Remove(RowDigest(old));
+        Uncount(old, rows);
         select_step_.Reset();
       }
     } else {
@@ -301,6 +353,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
               row.simulations, row.nodes, row.depth)
         .Run();
     chunks[{"step", BinOf(row.env_step)}].Add(RowDigest(row));
+    Count(row, rows);
   }
   for (const EpisodeRow& row : episodes_) {
     const int phase = static_cast<int>(row.phase);
@@ -308,6 +361,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
       if (select_episode_.Bind(run_id_, phase, row.episode).Step()) {
         const EpisodeRow old = ReadEpisode(select_episode_);
         chunks[{"episode", BinOf(old.env_step)}].Remove(RowDigest(old));
+        Uncount(old, rows);
         select_episode_.Reset();
       }
     } else {
@@ -319,6 +373,7 @@ void RunWriter::StoreRows(Stored* stored, std::int64_t* events) {
               static_cast<std::int64_t>(row.digest))
         .Run();
     chunks[{"episode", BinOf(row.env_step)}].Add(RowDigest(row));
+    Count(row, rows);
   }
   for (const ScalarRow& row : scalars_) {
     const std::uint64_t metric = metric_digests_.at(row.metric_id);
@@ -360,14 +415,16 @@ void RunWriter::StoreProgress() { update_run_.Bind(run_id_, env_steps_done_, Utc
 
 void RunWriter::Commit() {
   Stored stored = stored_;
+  RowSums rows = rows_;
   std::int64_t events = events_;
   connection_.Transact([&] {
     CheckOwnership();
     UnsealRecord(connection_, run_id_);
-    StoreRows(&stored, &events);
+    StoreRows(&stored, &rows, &events);
     StoreProgress();
   });
   stored_ = std::move(stored);
+  rows_ = rows;
   events_ = events;
   steps_.clear();
   episodes_.clear();

@@ -15,6 +15,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -65,6 +66,18 @@ struct SegmentInfo {
   std::string slurm_job;        // empty outside Slurm
 };
 
+// The decisions and episodes of a run in short: how many there are, and the sums of
+// digests over all that the seed decides, times left out. A checkpoint carries those of
+// the rows that were there when it was made, so it can be told whether a database still
+// has them: every one, and no others.
+struct RowSums {
+  std::int64_t steps = 0;
+  std::int64_t episodes = 0;
+  std::uint64_t steps_digest = 0;
+  std::uint64_t episodes_digest = 0;
+  bool operator==(const RowSums&) const = default;
+};
+
 // What a checkpoint has seen. The default is the start of the run: nothing.
 struct ResumePoint {
   std::int64_t env_step = 0;
@@ -72,7 +85,11 @@ struct ResumePoint {
   std::int64_t search_evaluation_episodes = 0;
   std::int64_t actor_evaluation_episodes = 0;
   std::int64_t events = 0;  // RunWriter::events() when the checkpoint was made
+  std::optional<RowSums> rows;  // RunWriter::rows() then
 };
+
+// What the database has of the rows that a checkpoint has seen.
+RowSums RowSumsAt(Database* database, std::int64_t run_id, const ResumePoint& point);
 
 class RunWriter {
  public:
@@ -85,7 +102,8 @@ class RunWriter {
 
   // Opens a segment, sets the run to running and, in the same transaction, deletes
   // what was recorded past `point` and rebuilds bins and digests. Comes first. Events
-  // that say how a segment began or ended stay.
+  // that say how a segment began or ended stay. Error 65, and nothing has changed, if
+  // the rows that would be left are not point.rows.
   void BeginSegment(const SegmentInfo& segment, const ResumePoint& point = {});
 
   void AddStep(const StepRow& row);
@@ -117,6 +135,8 @@ class RunWriter {
 
   // Events the run has as of the last commit, for ResumePoint.
   std::int64_t events() const { return events_; }
+  // The run's decisions and episodes as of the last commit.
+  const RowSums& rows() const { return rows_; }
   std::int64_t rows_rolled_back() const { return rows_rolled_back_; }
 
   // Commits and closes the segment. reason: finished, interrupted, ...
@@ -153,7 +173,7 @@ class RunWriter {
   };
   void CheckFinite(double value, std::int64_t env_step, const char* what);
   void RowAdded();
-  void StoreRows(Stored* stored, std::int64_t* events);
+  void StoreRows(Stored* stored, RowSums* rows, std::int64_t* events);
   void StoreProgress();
   void LoadStored();
   // Throws unless the segment is still the run's last, that is, its writer.
@@ -167,6 +187,7 @@ class RunWriter {
   std::int64_t events_ = 0;
   std::int64_t rows_rolled_back_ = 0;
   Stored stored_;
+  RowSums rows_;
 
   std::size_t rows_waiting_ = 0;
   std::chrono::steady_clock::time_point last_commit_;

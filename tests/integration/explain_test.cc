@@ -156,6 +156,7 @@ TEST_F(ExplainTest, TrainingKeepsItsTreesAndItsDigest) {
 
   // Resumed, here from the beginning, it goes on keeping them.
   place_->Query("kept.db", "update run set status = 'queued', env_steps_done = 0");
+  place_->Query("kept.db", "delete from artifact");
   std::vector<std::filesystem::path> before;
   for (const auto& file :
        std::filesystem::recursive_directory_iterator(place_->Path("kept.db.files"))) {

@@ -42,9 +42,10 @@ class ResumeTest : public testing::Test {
     return place_.Runner(arguments);
   }
 
-  // Every run as if its process had died at once.
+  // Every run as if its process had died before its first checkpoint.
   void Unfinish() const {
     place_.Query("r.db", "update run set status = 'queued', exit_code = null, env_steps_done = 0");
+    place_.Query("r.db", "delete from artifact");
     for (const std::filesystem::path& path : Files(".ckpt")) std::filesystem::remove(path);
   }
   void ChangePlugin() const { std::ofstream(plugin_, std::ios::app) << "changed"; }

@@ -236,6 +236,70 @@ TEST_F(RunWriterTest, AResumeInsideAnEvaluationKeepsTheEpisodesBefore) {
   EXPECT_EQ(Everything(), uninterrupted);
 }
 
+// Whichever way the sums came about: as rows were added, or of what a resume left.
+TEST_F(RunWriterTest, RowSumsAreThoseOfTheRowsThatAreThere) {
+  const ResumePoint point = {.env_step = 12500,
+                             .training_episodes = 12,
+                             .search_evaluation_episodes = 15,
+                             .actor_evaluation_episodes = 15};
+  const ResumePoint end = {.env_step = 26000,
+                           .training_episodes = 26,
+                           .search_evaluation_episodes = 30,
+                           .actor_evaluation_episodes = 30};
+  RowSums all;
+  {
+    RunWriter writer(db_.get(), run_);
+    writer.BeginSegment(MakeSegment(db_.get()));
+    EXPECT_EQ(writer.rows(), RowSums());
+    Record(&writer, 0, 26000);
+    all = writer.rows();
+    EXPECT_EQ(all.steps, Count(db_.get(), "SELECT count(*) FROM step"));
+    EXPECT_EQ(all.episodes, Count(db_.get(), "SELECT count(*) FROM episode"));
+    EXPECT_EQ(RowSumsAt(db_.get(), run_, end), all);
+    // A row that replaces another counts once.
+    writer.AddStep({.env_step = 4000, .reward = 99});
+    writer.Commit();
+    EXPECT_EQ(writer.rows().steps, all.steps);
+    EXPECT_NE(writer.rows().steps_digest, all.steps_digest);
+    EXPECT_EQ(RowSumsAt(db_.get(), run_, end), writer.rows());
+  }
+  RunWriter writer(db_.get(), run_);
+  const RowSums before = RowSumsAt(db_.get(), run_, point);
+  writer.BeginSegment(MakeSegment(db_.get()), point);
+  EXPECT_EQ(writer.rows(), before);
+  EXPECT_LT(before.steps, all.steps);
+  Record(&writer, 0, 26000);
+  EXPECT_EQ(writer.rows(), all);
+}
+
+TEST_F(RunWriterTest, RowSumsKnowNoTimes) {
+  RunWriter writer(db_.get(), run_);
+  writer.BeginSegment(MakeSegment(db_.get()));
+  writer.AddStep({.env_step = 2, .reward = 1, .plan_us = 5});
+  writer.AddEpisode({.env_step = 2, .wall_seconds = 1, .plan_us_mean = 5, .plan_us_p95 = 5});
+  writer.Commit();
+  const RowSums rows = writer.rows();
+  writer.AddStep({.env_step = 2, .reward = 1, .plan_us = 6});
+  writer.AddEpisode({.env_step = 2, .wall_seconds = 2, .plan_us_mean = 6, .plan_us_p95 = 6});
+  writer.Commit();
+  EXPECT_EQ(writer.rows(), rows);
+}
+
+TEST_F(RunWriterTest, ARunWithoutTheRowsOfItsCheckpointIsNotTouched) {
+  {
+    RunWriter writer(db_.get(), run_);
+    writer.BeginSegment(MakeSegment(db_.get()));
+    Record(&writer, 0, 3000);
+  }
+  const std::string before = Everything();
+  ResumePoint point = {.env_step = 5000, .training_episodes = 5};
+  point.rows = RowSums{.steps = 2500, .episodes = 5};
+  RunWriter writer(db_.get(), run_);
+  EXPECT_THROW(writer.BeginSegment(MakeSegment(db_.get()), point), Error);
+  EXPECT_EQ(Everything(), before);
+  EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM segment"), 1);
+}
+
 TEST_F(RunWriterTest, AFreshStartDeletesEverythingEvenOfStepZero) {
   {
     RunWriter writer(db_.get(), run_);
