@@ -1,7 +1,7 @@
 // planner_latency.cc - how long a decision takes with the real networks, at the paper's
 // sizes, against the bound of the machine it runs on.
 //
-//     tests/bin/planner_latency [decisions]
+//     tests/bin/planner_latency [--planner NAME[,NAME...]] [decisions]
 //     tests/bin/planner_latency --tasks [decisions]
 //
 // Every planner decides on a latent of the Dreamer model (preset `paper`, sizes of
@@ -22,6 +22,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <sstream>
+#include <string>
 #include <vector>
 
 #include "dreamsearch/planning.h"
@@ -201,12 +203,13 @@ Measured Measure(Subject* subject, const Row& row, int decisions) {
   return measured;
 }
 
-void Run(int decisions) {
+// The planners named in `only`; all if it is empty.
+void Run(const std::vector<std::string>& only, int decisions) {
   const double product_rate = MachineLimit() / 2;  // multiply-adds a second
   const double stream_rate = StreamRate(4 * (kTransition + kReward + kValue + kActor));
   std::printf("products %.1f GFLOP/s, weights %.1f GB/s, one thread\n", 2e-9 * product_rate,
               1e-9 * stream_rate);
-  const std::vector<Row> rows = {
+  std::vector<Row> rows = {
       {"dreamer", "dreamer", {}},
       {"rollout", "rollout", {}},
       {"mcts_pw", "mcts_pw", {}},
@@ -220,6 +223,15 @@ void Run(int decisions) {
       {"random_shooting", "random_shooting", {}},
       {"cem", "cem", {}},
   };
+  for (const std::string& name : only) {
+    if (std::none_of(rows.begin(), rows.end(), [&](const Row& r) { return r.planner == name; })) {
+      std::fprintf(stderr, "no planner '%s' here\n", name.c_str());
+      std::exit(64);
+    }
+  }
+  std::erase_if(rows, [&](const Row& row) {
+    return !only.empty() && std::find(only.begin(), only.end(), row.planner) == only.end();
+  });
   std::printf("%-28s %10s %10s %8s %12s %8s\n", "float", "median ms", "bound ms", "ratio",
               "transitions", "nodes");
   Subject in_float("float", kObservations, kActions);
@@ -280,17 +292,27 @@ void RunTasks(int decisions) {
 
 int main(int argc, char** argv) {
   dreamsearch::LibraryProducts(argv);
-  const bool tasks = argc > 1 && std::strcmp(argv[1], "--tasks") == 0;
-  const char* count = argc > 1 + tasks ? argv[1 + tasks] : tasks ? "20" : "100";
-  const int decisions = std::atoi(count);
-  if (decisions < 1) {
-    std::fprintf(stderr, "usage: planner_latency [--tasks] [decisions]\n");
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  bool tasks = false;
+  std::vector<std::string> only;
+  if (!arguments.empty() && arguments[0] == "--tasks") {
+    tasks = true;
+    arguments.erase(arguments.begin());
+  } else if (arguments.size() > 1 && arguments[0] == "--planner") {
+    std::istringstream names(arguments[1]);
+    for (std::string name; std::getline(names, name, ',');) only.push_back(name);
+    arguments.erase(arguments.begin(), arguments.begin() + 2);
+  }
+  const int decisions = arguments.empty() ? (tasks ? 20 : 100) : std::atoi(arguments[0].c_str());
+  if (decisions < 1 || arguments.size() > 1) {
+    std::fprintf(stderr,
+                 "usage: planner_latency [--tasks | --planner NAME[,NAME...]] [decisions]\n");
     return 64;
   }
   if (tasks) {
     dreamsearch::RunTasks(decisions);
   } else {
-    dreamsearch::Run(decisions);
+    dreamsearch::Run(only, decisions);
   }
   return 0;
 }
