@@ -178,13 +178,13 @@ class Agent:
         b, t = update["sequences"], update["length"]
 
         def sequence(name, *shape):  # rows are sequence by sequence
-            return torch.tensor(update[name], dtype=torch.float64).reshape(b, t, *shape).transpose(
-                0, 1)
+            values = torch.as_tensor(update[name], dtype=torch.get_default_dtype())
+            return values.reshape(b, t, *shape).transpose(0, 1)
 
         raw = sequence("observations", self.o)
         observations = self.standardise(raw)
         actions, rewards = sequence("actions", self.a), sequence("rewards")
-        noise = torch.tensor(update["posterior_noise"]).reshape(t, b, s.stochastic)
+        noise = torch.as_tensor(update["posterior_noise"]).reshape(t, b, s.stochastic)
         embedding = nets.encode(observations)
         z, h = torch.zeros(b, s.stochastic), torch.zeros(b, s.deterministic)
         states, q_mean, q_std = [], [], []
@@ -235,8 +235,8 @@ class Agent:
         s, nets = self.s, self.nets
         state = posterior[update["starts"]]
         count = len(state)
-        latent_noise = torch.tensor(update["latent_noise"]).reshape(s.horizon, count, -1)
-        action_noise = torch.tensor(update["action_noise"]).reshape(s.horizon, count, -1)
+        latent_noise = torch.as_tensor(update["latent_noise"]).reshape(s.horizon, count, -1)
+        action_noise = torch.as_tensor(update["action_noise"]).reshape(s.horizon, count, -1)
         states, entropies, deviations = [state], [], []
         for tau in range(s.horizon):
             policy = nets.actor(state.detach())

@@ -1,5 +1,10 @@
 // Writes the input of golden.py for every case: write_golden_input FOLDER
 //
+//     write_golden_input --preset PRESET OBSERVATIONS ACTIONS FILE
+//
+// writes a preset as declared, for a task of that size: settings and initial weights,
+// no updates (tests/benchmark/peers.sh times updates of it in PyTorch).
+//
 // Weights are drawn as the learner draws them, moved off their initial values so
 // that zero biases and heads hide nothing, and rounded to multiples of 2^-8: exact
 // in float and in double, and short as text. The slow critic is moved once more.
@@ -220,6 +225,13 @@ void Print(const Json& value, const std::string& indent, std::ostream* out) {
   *out << "\n" << indent << (value.is_object() ? "}" : "]");
 }
 
+void WriteFile(const Json& json, const std::string& path) {
+  std::ofstream file(path);
+  Print(json, "", &file);
+  file << "\n";
+  if (!file.flush()) throw std::runtime_error("cannot write " + path);
+}
+
 void Write(const std::string& folder, const std::string& name) {
   Json json = {{"observation_size", kObservationSize}, {"action_size", kActionSize}};
   const Case golden = CaseOf(name);
@@ -253,22 +265,40 @@ void Write(const std::string& folder, const std::string& name) {
     update["action_noise"] = Draws(seed, kActionStream, kActionSize * dreams);
     json["updates"].push_back(update);
   }
-  const std::string path = folder + "/" + name + "_input.json";
-  std::ofstream file(path);
-  Print(json, "", &file);
-  file << "\n";
-  if (!file.flush()) throw std::runtime_error("cannot write " + path);
+  WriteFile(json, folder + "/" + name + "_input.json");
+}
+
+void WritePreset(const char* preset, Index observation_size, Index action_size,
+                 const std::string& path) {
+  if (std::string(preset) != "fast" && std::string(preset) != "paper") {
+    throw std::runtime_error("expected the preset fast or paper, found " + std::string(preset));
+  }
+  Json json = {{"observation_size", observation_size}, {"action_size", action_size}};
+  json["settings"] = ResolvedSettings({preset, Json::object()});
+  Learner<double> learner(SettingsFromJson(json["settings"]), observation_size, action_size, 1);
+  json["weights"] = Exported(learner);
+  for (const Tensor& tensor : learner.behaviour().value().tensors()) {
+    json["slow"][tensor.name] = json["weights"][tensor.name];
+  }
+  WriteFile(json, path);
 }
 
 }  // namespace
 }  // namespace dreamsearch::dreamer
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    std::fprintf(stderr, "usage: write_golden_input FOLDER\n");
+  const bool preset = argc == 6 && std::string(argv[1]) == "--preset";
+  if (argc != 2 && !preset) {
+    std::fprintf(stderr,
+                 "usage: write_golden_input FOLDER\n"
+                 "       write_golden_input --preset PRESET OBSERVATIONS ACTIONS FILE\n");
     return 2;
   }
   try {
+    if (preset) {
+      dreamsearch::dreamer::WritePreset(argv[2], std::stol(argv[3]), std::stol(argv[4]), argv[5]);
+      return 0;
+    }
     for (const char* name : dreamsearch::dreamer::kGoldenCases) {
       dreamsearch::dreamer::Write(argv[1], name);
     }
