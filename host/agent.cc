@@ -55,7 +55,9 @@ Decision Agent::Decide(View<const double> observation, bool explore,
                   "environment SaveState");
     observe.environment_states = {environment_state_.data(), 1, environment_state_.size()};
   }
-  observe.seed = SeedFor(parts_.run_seed, SeedUse::kObserve, phase_, episode_, decision_);
+  const std::uint64_t observe_seed =
+      SeedFor(parts_.run_seed, SeedUse::kObserve, phase_, episode_, decision_);
+  observe.seeds = {&observe_seed, 1};
   ThrowUnlessOk(parts_.model->Observe(observe, {Latent(1 - current_), 1, latent_bytes_}),
                 "model '" + parts_.model_name + "' Observe");
   current_ = 1 - current_;
@@ -85,7 +87,7 @@ Decision Agent::Decide(View<const double> observation, bool explore,
   } else {
     who = "the actor of model '" + parts_.model_name + "'";
     ThrowUnlessOk(proxy_.ProposeMode(root, {action_.data(), 1, action_.size()}), who);
-    ThrowUnlessOk(proxy_.Value(root, {&decision.value, 1}), who);
+    ThrowUnlessOk(proxy_.Value(root, {.values = {&decision.value, 1}}), who);
   }
   for (std::size_t i = 0; i < action_.size(); ++i) {
     if (!std::isfinite(action_[i])) {

@@ -144,13 +144,13 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.episode_decisions =
       (environment.episode_steps + spec_.action_repeat() - 1) / spec_.action_repeat();
   context.seed = SeedFor(spec_.seed, SeedUse::kParameters, Phase::kTraining, 0, 0);
-  context.threads = threads;
   context.environment = own_environment;
   context.behaviour = behaviour;
   Model* model = nullptr;
   const Status status = descriptor.create_model(context, &model);
   ModelPtr made(Made(status, model, "model", component.name()));
   CheckModel(*made, environment, component);
+  made->SetThreads(threads);
   return made;
 }
 

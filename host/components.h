@@ -41,8 +41,9 @@ class Components {
   explicit Components(const RunSpec& spec);
 
   EnvironmentPtr MakeEnvironment() const;
-  // `own_environment` is for a model that needs one, `behaviour` for one that
-  // takes proposal and value from a trained run; both must outlive the model.
+  // `threads` as for Model::SetThreads. `own_environment` is for a model that needs one,
+  // `behaviour` for one that takes proposal and value from a trained run; both must
+  // outlive the model.
   ModelPtr MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
                      Environment* own_environment, Model* behaviour = nullptr) const;
   // The trained run's model of an evaluation that names one, otherwise null.

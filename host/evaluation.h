@@ -28,7 +28,7 @@ namespace dreamsearch {
 class EvaluationPlayer {
  public:
   // agent: the sections of the trained run's checkpoint; not read if the evaluation
-  // names no trained run. `model_threads` as ModelContext::threads.
+  // names no trained run. `model_threads` as for Model::SetThreads.
   EvaluationPlayer(const Components& components, const RunSpec& spec,
                    const CheckpointSections& agent, std::uint32_t model_threads);
 

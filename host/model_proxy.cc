@@ -29,7 +29,8 @@ Status ModelProxy::Keep(Status status) noexcept {
 Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept {
   const std::uint64_t rows = request.latents.rows;
   if (request.latents.cols != latent_bytes_ || request.actions.rows != rows ||
-      request.actions.cols != action_size_ || result.latents.rows != rows ||
+      request.actions.cols != action_size_ || request.seeds.size != rows ||
+      result.latents.rows != rows ||
       result.latents.cols != latent_bytes_ || result.rewards.size != rows ||
       result.discounts.size != rows) {
     return Keep(Error(StatusCode::kInvalidArgument,
@@ -54,17 +55,25 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
   return OkStatus();
 }
 
-Status ModelProxy::Value(ConstLatents latents, View<double> values) noexcept {
-  if (latents.cols != latent_bytes_ || values.size != latents.rows) {
+Status ModelProxy::Value(ConstLatents latents, const ValueResult& result) noexcept {
+  if (latents.cols != latent_bytes_ || !HasRoom(result, latents.rows)) {
     return Keep(Error(StatusCode::kInvalidArgument,
                       "model '%s': Value of %llu latents was given views of other sizes",
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
-  const Status status = model_->Value(latents, values);
+  const Status status = model_->Value(latents, result);
   if (!status.ok()) return Keep(status);
-  if (const std::uint64_t i = FirstNotFinite(values.data, values.size); i != values.size) {
-    return Keep(Error(StatusCode::kNotFinite, "model '%s': value %g is not finite", name_.c_str(),
-                      values[i]));
+  const struct {
+    const char* what;
+    View<double> values;
+  } answers[] = {{"value", result.values},
+                 {"deviation of a value", result.deviations},
+                 {"least value", result.least}};
+  for (const auto& [what, values] : answers) {
+    if (const std::uint64_t i = FirstNotFinite(values.data, values.size); i != values.size) {
+      return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g is not finite", name_.c_str(),
+                        what, values[i]));
+    }
   }
   return OkStatus();
 }
@@ -85,15 +94,15 @@ Status ModelProxy::ProposeMode(ConstLatents latents, MatrixView<double> actions)
   return OkStatus();
 }
 
-Status ModelProxy::ProposeSamples(ConstLatents latents, std::uint64_t seed,
+Status ModelProxy::ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                                   MatrixView<double> actions) noexcept {
   if (latents.cols != latent_bytes_ || latents.rows == 0 || actions.rows % latents.rows != 0 ||
-      actions.cols != action_size_) {
+      actions.cols != action_size_ || seeds.size != latents.rows) {
     return Keep(Error(StatusCode::kInvalidArgument,
                       "model '%s': ProposeSamples of %llu latents was given views of other sizes",
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
-  const Status status = model_->ProposeSamples(latents, seed, actions);
+  const Status status = model_->ProposeSamples(latents, seeds, actions);
   if (!status.ok()) return Keep(status);
   if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
     return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",

@@ -20,9 +20,9 @@ class ModelProxy final : public LatentModel {
   std::uint64_t latent_bytes() const noexcept override { return latent_bytes_; }
   std::uint64_t action_size() const noexcept override { return action_size_; }
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override;
-  Status Value(ConstLatents latents, View<double> values) noexcept override;
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override;
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override;
-  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override;
 
   std::uint64_t transitions() const { return transitions_; }

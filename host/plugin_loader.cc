@@ -88,14 +88,9 @@ class Checker {
     if (plugin.magic != kPluginMagic) {
       Expect("the magic number", Hex(kPluginMagic), Hex(plugin.magic));
     }
-    if (plugin.sdk_major != DREAMSEARCH_SDK_MAJOR) {
-      Expect("SDK major version", std::to_string(DREAMSEARCH_SDK_MAJOR),
-             std::to_string(plugin.sdk_major));
-    }
     const std::string version = SdkVersion(plugin.sdk_major, plugin.sdk_minor);
-    if (plugin.sdk_minor > DREAMSEARCH_SDK_MINOR) {
-      Expect("SDK version", SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR) + " or older",
-             version);
+    if (plugin.sdk_major != DREAMSEARCH_SDK_MAJOR || plugin.sdk_minor != DREAMSEARCH_SDK_MINOR) {
+      Expect("SDK version", SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR), version);
     }
     if (plugin.struct_size != sizeof(PluginDescriptor)) {
       Expect("a descriptor of SDK " + version + " with",
@@ -415,6 +410,13 @@ boost::dll::shared_library LoadLibrary(const std::string& path, const FloatingPo
 const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& library,
                                           const std::string& path) {
   if (!library.has(kPluginEntrySymbol)) {
+    if (library.has(kRetiredEntrySymbol)) {
+      Checker(path).Refuse(std::string("expected the symbol ") + kPluginEntrySymbol + " of SDK " +
+                           std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
+                           std::to_string(DREAMSEARCH_SDK_MINOR) + ", found " +
+                           kRetiredEntrySymbol + ": it was built before SDK 0.1; rebuild it "
+                           "against this SDK");
+    }
     const std::string other = OtherEntry(library);
     Checker(path).Refuse(
         std::string("expected the symbol ") + kPluginEntrySymbol + ", found " +

@@ -49,6 +49,11 @@ Status WrongSize(const char* call, const char* what, std::uint64_t expected_rows
                static_cast<unsigned long long>(rows), static_cast<unsigned long long>(cols));
 }
 
+Status CheckSeeds(const char* call, View<const std::uint64_t> seeds, std::uint64_t rows) {
+  if (seeds.size == rows) return OkStatus();
+  return WrongSize(call, "seeds", rows, 1, seeds.size, 1);
+}
+
 // Runs a call that may throw (memory) behind the plugin boundary.
 template <typename Call>
 Status Guarded(const char* name, Call call) noexcept {
@@ -82,8 +87,8 @@ void Convert(MatrixView<const double> from, Mat<float> to) {
 View<const MetricSpec> DeclaredMetrics() { return {kMetrics, kMetricCount}; }
 
 Dreamer::Dreamer(const Settings& settings, Index observation_size, Index action_size,
-                 std::uint64_t seed, Index threads)
-    : learner_(settings, observation_size, action_size, seed, threads) {
+                 std::uint64_t seed)
+    : learner_(settings, observation_size, action_size, seed) {
   const auto bytes = static_cast<std::uint64_t>(settings.state_size()) * sizeof(float);
   latent_bytes_ = (bytes + kLatentAlignment - 1) / kLatentAlignment * kLatentAlignment;
 }
@@ -114,9 +119,12 @@ Status Dreamer::WriteLatents(const char* call, Mat<const float> states, Latents 
   return OkStatus();
 }
 
-Mat<float> Dreamer::Noise(std::uint64_t seed, Index rows, Index cols) {
-  const Mat<float> noise = noise_.Shape(rows, cols);
-  FillNormal(seed, noise.data, noise.size());
+Mat<float> Dreamer::Noise(View<const std::uint64_t> seeds, Index rows, Index each) {
+  const auto count = static_cast<Index>(seeds.size);
+  const Mat<float> noise = noise_.Shape(rows, count * each);
+  for (Index i = 0; i < count; ++i) {
+    FillNormal(seeds[static_cast<std::uint64_t>(i)], noise.col(i * each), rows * each);
+  }
   return noise;
 }
 
@@ -133,6 +141,7 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
     return WrongSize("Imagine", "rewards and discounts", rows, rows, result.rewards.size,
                      result.discounts.size);
   }
+  if (status = CheckSeeds("Imagine", request.seeds, rows); !status.ok()) return status;
   return Guarded("Imagine", [&] {
     const Settings& settings = learner_.settings();
     const auto n = static_cast<Index>(rows);
@@ -141,7 +150,7 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
     const Mat<const float> states = StatesOf(request.latents);
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
-    if (settings.imagined_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
+    if (settings.imagined_latent_sample) noise = Noise(request.seeds, settings.stochastic);
     const Mat<float> rewards = rewards_.Shape(1, n);
     const Mat<float> logits = logits_.Shape(1, settings.continuation ? n : 0);
     WorldModel<float>& world = learner_.world();
@@ -165,18 +174,25 @@ Status Dreamer::Imagine(const ImagineRequest& request, const ImagineResult& resu
   });
 }
 
-Status Dreamer::Value(ConstLatents latents, View<double> values) noexcept {
-  const Status status = CheckLatents("Value", latents.cols, latents.rows, values.size);
+Status Dreamer::Value(ConstLatents latents, const ValueResult& result) noexcept {
+  const Status status = CheckLatents("Value", latents.cols, latents.rows, result.values.size);
   if (!status.ok()) return status;
+  if (!HasRoom(result, latents.rows)) {
+    return WrongSize("Value", "deviations and least values", latents.rows, latents.rows,
+                     result.deviations.size, result.least.size);
+  }
   return Guarded("Value", [&] {
-    const auto n = static_cast<Index>(values.size);
+    const auto n = static_cast<Index>(latents.rows);
     const Mat<float> outputs = values_.Shape(1, n);
     ForBlocks(n, [&](Index first, Index count) {
       learner_.behaviour().Value(StatesOf(latents).Cols(first, count), outputs.Cols(first, count));
     });
-    for (std::uint64_t i = 0; i < values.size; ++i) {
-      values[i] = static_cast<double>(outputs.data[i]);
+    for (std::uint64_t i = 0; i < latents.rows; ++i) {
+      result.values[i] = static_cast<double>(outputs.data[i]);
     }
+    // One critic: nothing is apart.
+    std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
+    std::copy_n(result.values.data, result.least.size, result.least.data);
     return OkStatus();
   });
 }
@@ -202,9 +218,10 @@ Status Dreamer::ProposeMode(ConstLatents latents, MatrixView<double> actions) no
   });
 }
 
-Status Dreamer::ProposeSamples(ConstLatents latents, std::uint64_t seed,
+Status Dreamer::ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                                MatrixView<double> actions) noexcept {
-  const Status status = CheckLatents("ProposeSamples", latents.cols, latents.rows, latents.rows);
+  Status status = CheckLatents("ProposeSamples", latents.cols, latents.rows, latents.rows);
+  if (status.ok()) status = CheckSeeds("ProposeSamples", seeds, latents.rows);
   if (!status.ok()) return status;
   if (actions.cols != action_size() || actions.rows == 0 || actions.rows % latents.rows != 0) {
     return WrongSize("ProposeSamples", "actions (n a latent)", latents.rows, action_size(),
@@ -214,8 +231,8 @@ Status Dreamer::ProposeSamples(ConstLatents latents, std::uint64_t seed,
     const auto total = static_cast<Index>(actions.rows);
     const Index a = learner_.action_size();
     const Mat<float> proposed = actions_.Shape(a, total);
-    const Mat<float> noise = Noise(seed, a, total);
     const Index each = total / static_cast<Index>(latents.rows);
+    const Mat<float> noise = Noise(seeds, a, each);
     ForBlocks(static_cast<Index>(latents.rows), [&](Index first, Index count) {
       learner_.behaviour().Sample(StatesOf(latents).Cols(first, count), each,
                                   noise.Cols(first * each, count * each),
@@ -249,6 +266,7 @@ Status Dreamer::Observe(const ObserveRequest& request, Latents latents) noexcept
     return WrongSize("Observe", "observations", rows, o, request.observations.rows,
                      request.observations.cols);
   }
+  if (status = CheckSeeds("Observe", request.seeds, rows); !status.ok()) return status;
   return Guarded("Observe", [&] {
     const Settings& settings = learner_.settings();
     const auto n = static_cast<Index>(rows);
@@ -258,7 +276,7 @@ Status Dreamer::Observe(const ObserveRequest& request, Latents latents) noexcept
     learner_.Standardise(request.observations.data, observations);
     const Mat<float> next = states_.Shape(settings.state_size(), n);
     Mat<const float> noise;
-    if (settings.acting_latent_sample) noise = Noise(request.seed, settings.stochastic, n);
+    if (settings.acting_latent_sample) noise = Noise(request.seeds, settings.stochastic);
     WorldModel<float>& world = learner_.world();
     ForBlocks(n, [&](Index first, Index count) {
       world.Observe(world.group().exact(), StatesOf(request.previous).Cols(first, count),
@@ -298,6 +316,14 @@ Status Dreamer::Train(const TrainRequest& request, View<double> metrics) noexcep
   });
 }
 
+void Dreamer::SetThreads(std::uint32_t threads) noexcept {
+  try {
+    learner_.SetThreads(static_cast<Index>(threads));
+  } catch (const std::exception&) {
+    // The system gives no more: those there were go on.
+  }
+}
+
 Status Dreamer::Save(ByteSink* sink) const noexcept {
   return Guarded("Save", [&] { return learner_.Save(sink); });
 }
@@ -319,9 +345,9 @@ Status CreateDreamer(const ModelContext& context, Model** result) noexcept {
                  static_cast<unsigned long long>(context.action_size));
   }
   return Guarded("dreamer", [&] {
-    *result = new Dreamer(
-        SettingsFrom(context.parameters), static_cast<Index>(context.observation_size),
-        static_cast<Index>(context.action_size), context.seed, static_cast<Index>(context.threads));
+    *result = new Dreamer(SettingsFrom(context.parameters),
+                          static_cast<Index>(context.observation_size),
+                          static_cast<Index>(context.action_size), context.seed);
     return OkStatus();
   });
 }

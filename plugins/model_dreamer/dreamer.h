@@ -15,22 +15,22 @@ View<const MetricSpec> DeclaredMetrics();
 
 class Dreamer final : public Model {
  public:
-  Dreamer(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed,
-          Index threads = 1);
+  Dreamer(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
 
   std::uint64_t latent_bytes() const noexcept override { return latent_bytes_; }
   std::uint64_t action_size() const noexcept override {
     return static_cast<std::uint64_t>(learner_.action_size());
   }
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override;
-  Status Value(ConstLatents latents, View<double> values) noexcept override;
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override;
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override;
-  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override;
 
   Status InitialLatent(Latents latents) noexcept override;
   Status Observe(const ObserveRequest& request, Latents latents) noexcept override;
   Status Train(const TrainRequest& request, View<double> metrics) noexcept override;
+  void SetThreads(std::uint32_t threads) noexcept override;
   Status Save(ByteSink* sink) const noexcept override;
   Status Load(ByteSource* source) noexcept override;
   Status Export(TensorSink* sink) const noexcept override;
@@ -47,7 +47,8 @@ class Dreamer final : public Model {
   Status CheckLatents(const char* call, std::uint64_t cols, std::uint64_t rows,
                       std::uint64_t expected_rows) const;
   Status WriteLatents(const char* call, Mat<const float> states, Latents latents) const;
-  Mat<float> Noise(std::uint64_t seed, Index rows, Index cols);
+  // [rows, seeds * each]: the `each` columns from i * each on are drawn from seeds[i].
+  Mat<float> Noise(View<const std::uint64_t> seeds, Index rows, Index each = 1);
 
   Learner<float> learner_;
   std::uint64_t latent_bytes_;

@@ -7,6 +7,7 @@
 // differenced.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "dreamsearch/model.h"
@@ -36,9 +37,12 @@ struct UpdateLosses {
 template <typename T>
 class Learner {
  public:
-  // Every result is the same for any number of threads.
-  Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed,
-          Index threads = 1);
+  // Works with one thread until told otherwise.
+  Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
+
+  // From now on. Every result is the same for any number of threads. std::system_error if
+  // the system refuses one: then nothing has changed.
+  void SetThreads(Index threads);
 
   const Settings& settings() const { return settings_; }
   Index observation_size() const { return o_; }
@@ -87,7 +91,8 @@ class Learner {
 
   Settings settings_;
   Index o_, a_;
-  TaskThreads threads_;
+  Index thread_count_ = 1;
+  std::unique_ptr<TaskThreads> threads_;
   WorldModel<T> world_;
   Behaviour<T> behaviour_;
   std::uint64_t updates_ = 0;

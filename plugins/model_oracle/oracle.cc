@@ -11,9 +11,9 @@
 // Proposal    the behaviour's actor, or uniform or Gaussian actions whose mode is 0.
 // Value       the behaviour's critic, or 0.
 //
-// After the time limit or a terminal state nothing moves and nothing pays: reward 0,
-// discount 0. A transition in which the simulator warned is the end too: it pays what
-// was earned before the warning.
+// After the time limit or a terminal state nothing moves, the behaviour's latent
+// included, and nothing pays: reward 0, discount 0. A transition in which the simulator
+// warned is the end too: it pays what was earned before the warning.
 //
 // It learns nothing: Train is kUnimplemented, Save writes nothing; a behaviour is
 // saved by whoever trained it.
@@ -111,7 +111,7 @@ class Oracle final : public Model {
       std::memcpy(latents.row(i).data + kStateOffset, states.row(i).data, state_bytes_);
     }
     if (behaviour_ == nullptr) return OkStatus();
-    return FollowBehaviour(request.previous, request.actions, request.observations, request.seed,
+    return FollowBehaviour(request.previous, request.actions, request.observations, request.seeds,
                            latents);
   }
 
@@ -133,31 +133,44 @@ class Oracle final : public Model {
     if (behaviour_ != nullptr && observations_.size() < rows * observation_size_) {
       observations_.resize(rows * observation_size_);
     }
+    ended_.clear();
     for (std::uint64_t i = 0; i < rows; ++i) {
       Status status =
           Step(request.latents.middle_rows(i, 1), request.actions.row(i),
                result.latents.middle_rows(i, 1), &result.rewards[i], &result.discounts[i]);
       if (!status.ok()) return status;
       if (behaviour_ != nullptr) {
+        if (!observed_) ended_.push_back(i);
         std::copy(observation_.begin(), observation_.end(),
                   observations_.begin() + static_cast<std::ptrdiff_t>(i * observation_size_));
       }
     }
     if (behaviour_ == nullptr) return OkStatus();
-    return FollowBehaviour(request.latents, request.actions,
-                           {observations_.data(), rows, observation_size_}, request.seed,
-                           result.latents);
+    Status status = FollowBehaviour(request.latents, request.actions,
+                                    {observations_.data(), rows, observation_size_},
+                                    request.seeds, result.latents);
+    if (!status.ok()) return status;
+    for (const std::uint64_t i : ended_) {
+      std::memcpy(result.latents.row(i).data + behaviour_offset_,
+                  request.latents.row(i).data + behaviour_offset_, behaviour_bytes_);
+    }
+    return OkStatus();
   }
 
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
     if (Status status = CheckLatents(latents); !status.ok()) return status;
-    if (values.size != latents.rows) {
-      return Error(StatusCode::kInvalidArgument, "Value: %llu latents, but room for %llu values",
+    if (!HasRoom(result, latents.rows)) {
+      return Error(StatusCode::kInvalidArgument,
+                   "Value: %llu latents, but room for %llu values, %llu deviations and %llu least",
                    static_cast<unsigned long long>(latents.rows),
-                   static_cast<unsigned long long>(values.size));
+                   static_cast<unsigned long long>(result.values.size),
+                   static_cast<unsigned long long>(result.deviations.size),
+                   static_cast<unsigned long long>(result.least.size));
     }
-    if (critic_) return behaviour_->Value(Gather(latents), values);
-    std::fill(values.begin(), values.end(), 0.0);
+    if (critic_) return behaviour_->Value(Gather(latents), result);
+    std::fill(result.values.begin(), result.values.end(), 0.0);
+    std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
+    std::fill(result.least.begin(), result.least.end(), 0.0);
     return OkStatus();
   }
 
@@ -169,28 +182,38 @@ class Oracle final : public Model {
     return OkStatus();
   }
 
-  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override {
     if (Status status = CheckLatents(latents); !status.ok()) return status;
-    if (latents.rows == 0 || actions.rows % latents.rows != 0 || actions.cols != action_size_) {
+    if (latents.rows == 0 || actions.rows % latents.rows != 0 || actions.cols != action_size_ ||
+        seeds.size != latents.rows) {
       return Error(StatusCode::kInvalidArgument,
-                   "ProposeSamples: actions are [%llu, %llu], expected [%llu * n, %llu]",
+                   "ProposeSamples: %llu seeds and actions of [%llu, %llu], expected [%llu * n, "
+                   "%llu] and a seed a latent",
+                   static_cast<unsigned long long>(seeds.size),
                    static_cast<unsigned long long>(actions.rows),
                    static_cast<unsigned long long>(actions.cols),
                    static_cast<unsigned long long>(latents.rows),
                    static_cast<unsigned long long>(action_size_));
     }
-    if (actor_) return behaviour_->ProposeSamples(Gather(latents), seed, actions);
-    Random random(seed);
-    for (std::uint64_t i = 0; i < actions.size(); ++i) {
-      actions.data[i] =
-          uniform_ ? random.Uniform(-1, 1) : std::clamp(proposal_std_ * random.Normal(), -1.0, 1.0);
+    if (actor_) return behaviour_->ProposeSamples(Gather(latents), seeds, actions);
+    const std::uint64_t each = actions.rows / latents.rows;
+    for (std::uint64_t i = 0; i < latents.rows; ++i) {
+      Random random(seeds[i]);
+      const MatrixView<double> own = actions.middle_rows(i * each, each);
+      for (std::uint64_t j = 0; j < own.size(); ++j) {
+        own.data[j] = uniform_ ? random.Uniform(-1, 1)
+                               : std::clamp(proposal_std_ * random.Normal(), -1.0, 1.0);
+      }
     }
     return OkStatus();
   }
 
   Status Train(const TrainRequest&, View<double>) noexcept override {
     return Error(StatusCode::kUnimplemented, "the oracle is the simulator: nothing to learn");
+  }
+  void SetThreads(std::uint32_t threads) noexcept override {
+    if (behaviour_ != nullptr) behaviour_->SetThreads(threads);
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
@@ -223,13 +246,15 @@ class Oracle final : public Model {
                  static_cast<unsigned long long>(action_size_));
   }
 
-  // One transition of the simulator; leaves what it showed in observation_ (what it
-  // showed last where nothing moved).
+  // One transition of the simulator; leaves what it showed in observation_, zeros where
+  // it showed nothing: then observed_ is false.
   Status Step(ConstLatents from, View<const double> action, Latents to, double* reward,
               double* discount) noexcept {
     std::memcpy(to.data, from.data, behaviour_offset_);
     *reward = 0;
     *discount = 0;
+    observed_ = false;
+    std::fill(observation_.begin(), observation_.end(), 0.0);
     Over over = 0;
     std::memcpy(&over, from.data, sizeof over);
     if (over != 0) return OkStatus();
@@ -250,6 +275,7 @@ class Oracle final : public Model {
         over = 1;
         std::memcpy(to.data, &over, sizeof over);
         *discount = 0;
+        std::fill(observation_.begin(), observation_.end(), 0.0);
         return OkStatus();
       }
       if (!status.ok()) return status;
@@ -260,6 +286,7 @@ class Oracle final : public Model {
     if (Status status = environment_.SaveState(after); !status.ok()) return status;
     std::memcpy(current_.data(), after.data, after.size);
     current_valid_ = true;
+    observed_ = true;
     over = step.last ? 1 : 0;
     std::memcpy(to.data, &over, sizeof over);
     return OkStatus();
@@ -267,15 +294,15 @@ class Oracle final : public Model {
 
   // The behaviour's latents of `to`, after `actions` from those of `from`.
   Status FollowBehaviour(ConstLatents from, MatrixView<const double> actions,
-                         MatrixView<const double> observations, std::uint64_t seed,
-                         Latents to) noexcept {
+                         MatrixView<const double> observations,
+                         View<const std::uint64_t> seeds, Latents to) noexcept {
     const ConstLatents before = Gather(from);
     const Latents after = Staged(behaviour_after_, to.rows);
     ObserveRequest request;
     request.previous = before;
     request.actions = actions;
     request.observations = observations;
-    request.seed = seed;
+    request.seeds = seeds;
     if (Status status = behaviour_->Observe(request, after); !status.ok()) return status;
     Scatter(after, to);
     return OkStatus();
@@ -320,7 +347,9 @@ class Oracle final : public Model {
 
   std::vector<double> bounded_;       // [A]
   std::vector<double> observation_;   // [O]
+  bool observed_ = false;
   std::vector<double> observations_;  // [largest batch, O]
+  std::vector<std::uint64_t> ended_;  // rows in which nothing moved
   LatentBuffer behaviour_before_;
   LatentBuffer behaviour_after_;
 };

@@ -47,11 +47,11 @@ class Dreamer final : public Planner {
     double value = 0;
     Status status = model_->ProposeMode(request.root, {mode_.get(), 1, size});
     if (!status.ok()) return status;
-    status = model_->Value(request.root, {&value, 1});
+    status = model_->Value(request.root, {.values = {&value, 1}});
     if (!status.ok()) return status;
     if (request.explore && noise_on_sample_) {
-      status = model_->ProposeSamples(request.root, DeriveSeed(request.seed, kSample),
-                                      {action.data, 1, size});
+      const std::uint64_t seed = DeriveSeed(request.seed, kSample);
+      status = model_->ProposeSamples(request.root, {&seed, 1}, {action.data, 1, size});
       if (!status.ok()) return status;
     } else {
       std::copy_n(mode_.get(), size, action.data);

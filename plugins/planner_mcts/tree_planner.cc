@@ -29,6 +29,7 @@ TreePlanner::TreePlanner(const PlannerContext& context, std::uint64_t max_edges)
     batch_latents_ = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
     batch_actions_.resize(leaf_batch_ * sizes_.action_size);
   }
+  seeds_.resize(leaf_batch_);
   mode_.resize(sizes_.action_size);
   played_.resize(sizes_.action_size);
 }
@@ -143,7 +144,11 @@ Status TreePlanner::EvaluatePending() noexcept {
   const Index first = tree_.evaluated_count();
   const Index count = tree_.node_count() - first;
   ImagineRequest request;
-  request.seed = DeriveSeed(DeriveSeed(seed_, kImagine), first);
+  // A node's draws do not depend on who is imagined beside it.
+  for (Index i = 0; i < count; ++i) {
+    seeds_[i] = DeriveSeed(DeriveSeed(seed_, kImagine), first + i);
+  }
+  request.seeds = {seeds_.data(), count};
   if (count == 1) {
     const Index edge = tree_.parent_edge(first);
     request.latents = tree_.latents(tree_.parent(edge), 1);
@@ -161,7 +166,7 @@ Status TreePlanner::EvaluatePending() noexcept {
   const Latents latents = tree_.latents(first, count);
   Status status = model_->Imagine(
       request, {latents, tree_.rewards(first, count), tree_.discounts(first, count)});
-  if (status.ok()) status = model_->Value(latents, tree_.values(first, count));
+  if (status.ok()) status = model_->Value(latents, {.values = tree_.values(first, count)});
   if (status.ok()) status = CheckFinite("a reward", tree_.rewards(first, count));
   if (status.ok()) status = CheckFinite("a discount", tree_.discounts(first, count));
   if (status.ok()) status = CheckFinite("a value", tree_.values(first, count));
@@ -176,8 +181,8 @@ Status TreePlanner::AddSampledEdges(Index node, Index count, Index* first) noexc
 
 Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
                                   MatrixView<double> actions) noexcept {
-  Status status = model_->ProposeSamples(tree_.latents(node, 1),
-                                         DeriveSeed(DeriveSeed(seed_, kProposal), stream), actions);
+  const std::uint64_t seed = DeriveSeed(DeriveSeed(seed_, kProposal), stream);
+  Status status = model_->ProposeSamples(tree_.latents(node, 1), {&seed, 1}, actions);
   if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
   if (status.ok() && explore_) {
     AddExplorationNoise(noise_std_, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),

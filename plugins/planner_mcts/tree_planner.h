@@ -117,6 +117,7 @@ class TreePlanner : public Planner {
   std::uint64_t seed_ = 0;
 
   LatentBuffer batch_latents_;         // [leaf_batch], unused when it is 1
+  std::vector<std::uint64_t> seeds_;   // [leaf_batch]
   std::vector<double> batch_actions_;  // [leaf_batch, A]
   std::vector<double> mode_;           // [A]
   std::vector<double> played_;         // [A]

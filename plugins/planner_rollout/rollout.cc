@@ -71,6 +71,7 @@ class Rollout final : public Planner {
     }
     latents_[0] = LatentBuffer(batch_, sizes_.latent_bytes);
     latents_[1] = LatentBuffer(batch_, sizes_.latent_bytes);
+    seeds_.resize(batch_);
     actions_.resize(depth_ * batch_ * sizes_.action_size);
     rewards_.resize(depth_ * batch_);
     discounts_.resize(depth_ * batch_);
@@ -140,12 +141,18 @@ class Rollout final : public Planner {
     return {values.data() + t * batch_, batch_};
   }
 
+  // A seed for each trajectory, valid until the next call. [B]
+  View<const std::uint64_t> Seeds(std::uint64_t seed) noexcept {
+    FillSeeds(seed, {seeds_.data(), batch_});
+    return {seeds_.data(), batch_};
+  }
+
   Status DrawCandidates(const PlanRequest& request) noexcept {
     const MatrixView<double> candidates = actions(0);
     if (actor_candidates_ > 0) {
-      Status status =
-          model_->ProposeSamples(request.root, DeriveSeed(request.seed, kActorCandidates),
-                                 candidates.middle_rows(0, actor_candidates_));
+      const std::uint64_t seed = DeriveSeed(request.seed, kActorCandidates);
+      Status status = model_->ProposeSamples(request.root, {&seed, 1},
+                                             candidates.middle_rows(0, actor_candidates_));
       if (!status.ok()) return status;
     }
     const MatrixView<double> uniform =
@@ -174,16 +181,18 @@ class Rollout final : public Planner {
       Status status;
       if (t > 0) {
         status = sample_continuation_
-                     ? model_->ProposeSamples(from, DeriveSeed(continuation_seed, t), actions(t))
+                     ? model_->ProposeSamples(from, Seeds(DeriveSeed(continuation_seed, t)),
+                                              actions(t))
                      : model_->ProposeMode(from, actions(t));
         if (!status.ok()) return status;
       }
-      status = model_->Imagine({from, actions(t), DeriveSeed(imagine_seed, t)},
+      status = model_->Imagine({from, actions(t), Seeds(DeriveSeed(imagine_seed, t))},
                                {to, Column(rewards_, t), Column(discounts_, t)});
       if (!status.ok()) return status;
       // With lambda = 1 only the last value is in the return.
       if (lambda_ < 1 || t + 1 == depth_) {
-        if (status = model_->Value(to, Column(values_, t)); !status.ok()) return status;
+        status = model_->Value(to, {.values = Column(values_, t)});
+        if (!status.ok()) return status;
       }
     }
     return OkStatus();
@@ -235,14 +244,15 @@ class Rollout final : public Planner {
   const bool sample_continuation_;
   const double noise_std_;
   LatentModel* model_ = nullptr;
-  LatentBuffer latents_[2];        // [B], transitions go from one to the other
-  std::vector<double> actions_;    // [depth, B, A]
-  std::vector<double> rewards_;    // [depth, B]
-  std::vector<double> discounts_;  // [depth, B]
-  std::vector<double> values_;     // [depth, B]: v of the state arrived at
-  std::vector<double> returns_;    // [depth, B]: V_t
-  std::vector<double> mode_;       // [A]
-  std::vector<double> played_;     // [A]
+  LatentBuffer latents_[2];           // [B], transitions go from one to the other
+  std::vector<std::uint64_t> seeds_;  // [B]
+  std::vector<double> actions_;       // [depth, B, A]
+  std::vector<double> rewards_;       // [depth, B]
+  std::vector<double> discounts_;     // [depth, B]
+  std::vector<double> values_;        // [depth, B]: v of the state arrived at
+  std::vector<double> returns_;       // [depth, B]: V_t
+  std::vector<double> mode_;          // [A]
+  std::vector<double> played_;        // [A]
 };
 
 constexpr ComponentDescriptor kComponents[] = {{

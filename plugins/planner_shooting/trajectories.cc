@@ -10,6 +10,7 @@ Trajectories::Trajectories(std::uint64_t count, std::uint64_t horizon, std::uint
       horizon_(horizon),
       action_size_(action_size),
       latents_{LatentBuffer(count, latent_bytes), LatentBuffer(count, latent_bytes)},
+      seeds_(count),
       actions_(horizon * count * action_size),
       rewards_(horizon * count),
       discounts_(horizon * count),
@@ -29,17 +30,20 @@ double Trajectories::ReturnSpread() const noexcept {
 
 Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
                                  std::uint64_t seed) noexcept {
-  Status status = model->ProposeSamples(root, DeriveSeed(seed, 0), actions(0).middle_rows(0, rows));
+  const std::uint64_t first_seed = DeriveSeed(seed, 0);
+  Status status =
+      model->ProposeSamples(root, {&first_seed, 1}, actions(0).middle_rows(0, rows));
   if (!status.ok()) return status;
   for (std::uint64_t i = 0; i < rows; ++i) latents_[0].Set(i, root);
   for (std::uint64_t t = 0; t + 1 < horizon_; ++t) {
     const Latents from = latents_[t % 2].middle_rows(0, rows);
     const Latents to = latents_[(t + 1) % 2].middle_rows(0, rows);
-    status = model->Imagine({from, actions(t).middle_rows(0, rows), DeriveSeed(seed, 2 * t + 1)},
-                            {to, {rewards_.data(), rows}, {discounts_.data(), rows}});
+    status = model->Imagine(
+        {from, actions(t).middle_rows(0, rows), Seeds(DeriveSeed(seed, 2 * t + 1), rows)},
+        {to, {rewards_.data(), rows}, {discounts_.data(), rows}});
     if (!status.ok()) return status;
-    status =
-        model->ProposeSamples(to, DeriveSeed(seed, 2 * t + 2), actions(t + 1).middle_rows(0, rows));
+    status = model->ProposeSamples(to, Seeds(DeriveSeed(seed, 2 * t + 2), rows),
+                                   actions(t + 1).middle_rows(0, rows));
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = 0; t < horizon_; ++t) {
@@ -55,15 +59,16 @@ Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstr
   for (std::uint64_t t = 0; t < horizon_; ++t) {
     const View<double> rewards{rewards_.data() + t * count_, count_};
     const View<double> discounts{discounts_.data() + t * count_, count_};
-    Status status =
-        model->Imagine({latents_[t % 2].middle_rows(0, count_), actions(t), DeriveSeed(seed, t)},
-                       {latents_[(t + 1) % 2].middle_rows(0, count_), rewards, discounts});
+    Status status = model->Imagine({latents_[t % 2].middle_rows(0, count_), actions(t),
+                                    Seeds(DeriveSeed(seed, t), count_)},
+                                   {latents_[(t + 1) % 2].middle_rows(0, count_), rewards,
+                                    discounts});
     if (!status.ok()) return status;
   }
   std::fill(values_.begin(), values_.end(), 0.0);
   if (bootstrap) {
-    Status status =
-        model->Value(latents_[horizon_ % 2].middle_rows(0, count_), {values_.data(), count_});
+    Status status = model->Value(latents_[horizon_ % 2].middle_rows(0, count_),
+                                 {.values = {values_.data(), count_}});
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = horizon_; t-- > 0;) {

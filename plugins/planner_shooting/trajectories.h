@@ -49,10 +49,17 @@ class Trajectories {
   void Report(TreeSink* sink) noexcept;
 
  private:
+  // A seed for each of the first `rows` sequences, valid until the next call.
+  View<const std::uint64_t> Seeds(std::uint64_t seed, std::uint64_t rows) noexcept {
+    FillSeeds(seed, {seeds_.data(), rows});
+    return {seeds_.data(), rows};
+  }
+
   const std::uint64_t count_;
   const std::uint64_t horizon_;
   const std::uint64_t action_size_;
   LatentBuffer latents_[2];           // [N], transitions go from one to the other
+  std::vector<std::uint64_t> seeds_;  // [N]
   std::vector<double> actions_;       // [H, N, A]
   std::vector<double> rewards_;       // [H, N]
   std::vector<double> discounts_;     // [H, N]

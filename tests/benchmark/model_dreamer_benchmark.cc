@@ -112,7 +112,8 @@ class Lap {
 
 void Update(benchmark::State& state, const char* preset, const char* precision, Index threads = 1) {
   const Setup setup(preset, precision);
-  Learner<float> learner(setup.settings, kObservations, kActions, 1, threads);
+  Learner<float> learner(setup.settings, kObservations, kActions, 1);
+  learner.SetThreads(threads);
   UpdateLosses losses;
   std::uint64_t update = 0;
   const Lap lap(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC);
@@ -185,15 +186,18 @@ void Transition(benchmark::State& state, const char* preset, const char* precisi
   const Latents from{reinterpret_cast<std::byte*>(memory.data()), rows, bytes};
   const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
   std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
+  std::vector<std::uint64_t> row_seeds(rows);
+  const View<const std::uint64_t> seeds{row_seeds.data(), rows};
   std::uint64_t seed = 0;
   const Lap lap;
   for (auto _ : state) {
+    FillSeeds(++seed, {row_seeds.data(), rows});
     bool ok = model
-                  ->Imagine({from, {actions.data(), rows, kActions}, seed},
+                  ->Imagine({from, {actions.data(), rows, kActions}, seeds},
                             {to, {rewards.data(), rows}, {discounts.data(), rows}})
                   .ok();
-    ok &= model->Value(to, {values.data(), rows}).ok();
-    ok &= model->ProposeSamples(to, ++seed, {actions.data(), rows, kActions}).ok();
+    ok &= model->Value(to, {.values = {values.data(), rows}}).ok();
+    ok &= model->ProposeSamples(to, seeds, {actions.data(), rows, kActions}).ok();
     if (!ok) state.SkipWithError("a call failed");
   }
   const Work work(setup.settings);

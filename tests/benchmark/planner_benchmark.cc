@@ -26,18 +26,21 @@ class FreeModel final : public LatentModel {
     }
     return OkStatus();
   }
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
-    for (std::uint64_t i = 0; i < latents.rows; ++i) values[i] = 0;
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+    for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = 0;
     return OkStatus();
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     for (std::uint64_t i = 0; i < latents.rows; ++i) actions(i, 0) = 0;
     return OkStatus();
   }
-  Status ProposeSamples(ConstLatents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override {
-    Random random(seed);
-    for (std::uint64_t i = 0; i < actions.rows; ++i) actions(i, 0) = random.Uniform(-1, 1);
+    const std::uint64_t each = actions.rows / seeds.size;
+    for (std::uint64_t i = 0; i < seeds.size; ++i) {
+      Random random(seeds[i]);
+      for (std::uint64_t j = 0; j < each; ++j) actions(i * each + j, 0) = random.Uniform(-1, 1);
+    }
     return OkStatus();
   }
 };

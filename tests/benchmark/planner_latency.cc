@@ -86,21 +86,21 @@ class Counting final : public LatentModel {
     transitions += request.latents.rows;
     return model_->Imagine(request, result);
   }
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
     macs += static_cast<double>(latents.rows) * kValue;
     weights += kValue;
-    return model_->Value(latents, values);
+    return model_->Value(latents, result);
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     macs += static_cast<double>(latents.rows) * kActor;
     weights += kActor;
     return model_->ProposeMode(latents, actions);
   }
-  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override {
     macs += static_cast<double>(latents.rows) * kActor;
     weights += kActor;
-    return model_->ProposeSamples(latents, seed, actions);
+    return model_->ProposeSamples(latents, seeds, actions);
   }
 
   double macs = 0;     // multiply-adds

@@ -20,9 +20,11 @@ class ScriptedModel final : public LatentModel {
     for (double& d : result.discounts) d = discount;
     return status;
   }
-  Status Value(ConstLatents, View<double> values) noexcept override {
+  Status Value(ConstLatents, const ValueResult& result) noexcept override {
     ++calls;
-    for (double& v : values) v = value;
+    for (double& v : result.values) v = value;
+    for (double& v : result.deviations) v = deviation;
+    for (double& v : result.least) v = least;
     return status;
   }
   Status ProposeMode(ConstLatents, MatrixView<double> actions) noexcept override {
@@ -30,22 +32,26 @@ class ScriptedModel final : public LatentModel {
     for (std::uint64_t i = 0; i < actions.size(); ++i) actions.data[i] = action;
     return status;
   }
-  Status ProposeSamples(ConstLatents latents, std::uint64_t,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t>,
                         MatrixView<double> actions) noexcept override {
     return ProposeMode(latents, actions);
   }
 
   int calls = 0;
-  double reward = 1, discount = 0.9, value = 2, action = 0.5;
+  double reward = 1, discount = 0.9, value = 2, deviation = 0.25, least = 1.5, action = 0.5;
   Status status;
 };
 
 class ModelProxyTest : public testing::Test {
  protected:
   Status Imagine(std::uint64_t rows, std::uint64_t rewards) {
+    return Imagine(rows, rewards, rows);
+  }
+  Status Imagine(std::uint64_t rows, std::uint64_t rewards, std::uint64_t seeds) {
     ImagineRequest request;
     request.latents = {from_.data(), rows, 64};
     request.actions = {actions_.data(), rows, 2};
+    request.seeds = {seeds_.data(), seeds};
     ImagineResult result;
     result.latents = {to_.data(), rows, 64};
     result.rewards = {rewards_.data(), rewards};
@@ -56,6 +62,7 @@ class ModelProxyTest : public testing::Test {
   ScriptedModel model_;
   ModelProxy proxy_{&model_, "scripted"};
   std::vector<std::byte> from_ = std::vector<std::byte>(640), to_ = from_;
+  std::vector<std::uint64_t> seeds_ = std::vector<std::uint64_t>(10);
   std::vector<double> actions_ = std::vector<double>(20), rewards_ = actions_,
                       discounts_ = actions_;
   const double nan_ = std::numeric_limits<double>::quiet_NaN();
@@ -71,9 +78,19 @@ TEST_F(ModelProxyTest, CountsOneTransitionARow) {
 
 TEST_F(ModelProxyTest, WrongSizesNeverReachTheModel) {
   EXPECT_EQ(Imagine(3, 2).code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(proxy_.Value({from_.data(), 2, 32}, {rewards_.data(), 2}).code,
+  EXPECT_EQ(Imagine(3, 3, 2).code, StatusCode::kInvalidArgument);
+  const View<double> two{rewards_.data(), 2}, three{discounts_.data(), 3};
+  const ConstLatents latents{from_.data(), 2, 64};
+  EXPECT_EQ(proxy_.Value({from_.data(), 2, 32}, {.values = two}).code,
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(proxy_.ProposeSamples({from_.data(), 2, 64}, 0, {actions_.data(), 3, 2}).code,
+  EXPECT_EQ(proxy_.Value(latents, {.values = three}).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.Value(latents, {.values = two, .deviations = three}).code,
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.Value(latents, {.values = two, .least = three}).code,
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.ProposeSamples(latents, {seeds_.data(), 2}, {actions_.data(), 3, 2}).code,
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.ProposeSamples(latents, {seeds_.data(), 1}, {actions_.data(), 4, 2}).code,
             StatusCode::kInvalidArgument);
   EXPECT_EQ(model_.calls, 0);
 }
@@ -85,14 +102,21 @@ TEST_F(ModelProxyTest, EveryAnswerThatIsNotFiniteIsFoundAndNamesTheModel) {
     model.value = bad;
     model.action = bad;
     ModelProxy proxy(&model, "scripted");
-    ImagineRequest request{{from_.data(), 1, 64}, {actions_.data(), 1, 2}, 0};
+    const View<const std::uint64_t> seed{seeds_.data(), 1};
+    ImagineRequest request{{from_.data(), 1, 64}, {actions_.data(), 1, 2}, seed};
     const ImagineResult result{{to_.data(), 1, 64}, {rewards_.data(), 1}, {discounts_.data(), 1}};
     EXPECT_EQ(proxy.Imagine(request, result).code, StatusCode::kNotFinite);
-    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, {rewards_.data(), 1}).code,
-              StatusCode::kNotFinite);
+    const ValueResult room{{rewards_.data(), 1}, {rewards_.data() + 1, 1}, {discounts_.data(), 1}};
+    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
+    model.value = 2;
+    model.deviation = bad;
+    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
+    model.deviation = 0;
+    model.least = bad;
+    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
     EXPECT_EQ(proxy.ProposeMode({from_.data(), 1, 64}, {actions_.data(), 1, 2}).code,
               StatusCode::kNotFinite);
-    EXPECT_EQ(proxy.ProposeSamples({from_.data(), 1, 64}, 0, {actions_.data(), 4, 2}).code,
+    EXPECT_EQ(proxy.ProposeSamples({from_.data(), 1, 64}, seed, {actions_.data(), 4, 2}).code,
               StatusCode::kNotFinite);
     EXPECT_NE(std::string(proxy.fault().message).find("'scripted'"), std::string::npos);
     model.reward = 0;

@@ -86,7 +86,8 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_EQ(planner->plugin.version, "1.2.3");
   EXPECT_EQ(planner->plugin.path, file.string());
   EXPECT_EQ(planner->plugin.sha256, FileSha256(file));
-  EXPECT_EQ(planner->plugin.sdk_major, 1u);
+  EXPECT_EQ(planner->plugin.sdk_major, 0u);
+  EXPECT_EQ(planner->plugin.sdk_minor, 1u);
   ASSERT_EQ(planner->parameters.size(), 4u);
   EXPECT_EQ(planner->parameters[0].name, "noise");
   EXPECT_EQ(planner->parameters[0].default_number, 0.3);

@@ -94,12 +94,14 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("older_major", {"expected the symbol dreamsearch_plugin_v1", "dreamsearch_plugin_v0"});
-  refused("newer_major", {"expected the symbol dreamsearch_plugin_v1", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"SDK major version 1, found 7"});
-  refused("newer_minor", {"expected SDK version 1.0 or older, found 1.1"});
+  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.1, found "
+                         "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
+  refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
+  refused("other_major_field", {"expected SDK version 0.1, found 7.1"});
+  refused("newer_minor", {"expected SDK version 0.1, found 0.2"});
+  refused("older_minor", {"expected SDK version 0.1, found 0.0"});
   refused("short_descriptor", {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
-  refused("interface_revision", {"interface revision", "found 2"});
+  refused("interface_revision", {"interface revision 2, found 3"});
   refused("layout_changed", {"layout tag", "found 0x"});
   refused("other_magic", {"magic number", "found 0x0000000000001234"});
   refused("no_entry", {"not a dreamsearch plugin"});

@@ -84,15 +84,17 @@ class IdleModel : public Model {
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
     return Error(StatusCode::kUnimplemented, "not imagined");
   }
-  Status Value(ConstLatents, View<double> values) noexcept override {
-    std::memset(values.data, 0, values.size * sizeof(double));
+  Status Value(ConstLatents, const ValueResult& result) noexcept override {
+    for (const View<double> room : {result.values, result.deviations, result.least}) {
+      std::fill(room.begin(), room.end(), 0.0);
+    }
     return OkStatus();
   }
   Status ProposeMode(ConstLatents, MatrixView<double> actions) noexcept override {
     std::memset(actions.data, 0, actions.size() * sizeof(double));
     return OkStatus();
   }
-  Status ProposeSamples(ConstLatents latents, std::uint64_t,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t>,
                         MatrixView<double> actions) noexcept override {
     return ProposeMode(latents, actions);
   }
@@ -106,6 +108,7 @@ class IdleModel : public Model {
   Status Train(const TrainRequest&, View<double>) noexcept override {
     return Error(StatusCode::kUnimplemented, "nothing to learn");
   }
+  void SetThreads(std::uint32_t) noexcept override {}
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
   Status Export(TensorSink*) const noexcept override { return OkStatus(); }
@@ -130,10 +133,10 @@ template <bool kNan>
 class FaultyModel final : public IdleModel<kLatentAlignment> {
  public:
   using IdleModel::IdleModel;
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
-    if (!trained_) return IdleModel::Value(latents, values);
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+    if (!trained_) return IdleModel::Value(latents, result);
     if (!kNan) return Error(StatusCode::kInvalidArgument, "expected 3, found 4");
-    for (double& value : values) value = std::numeric_limits<double>::quiet_NaN();
+    for (double& value : result.values) value = std::numeric_limits<double>::quiet_NaN();
     return OkStatus();
   }
   Status Train(const TrainRequest&, View<double>) noexcept override {

@@ -66,7 +66,9 @@ Settings Small(const char* preset = "fast") {
 
 ModelPointer Make(const Settings& settings, std::uint64_t seed = 1, Index o = 2, Index a = 1,
                   Index threads = 1) {
-  return ModelPointer(new Dreamer(settings, o, a, seed, threads));
+  ModelPointer model(new Dreamer(settings, o, a, seed));
+  model->SetThreads(static_cast<std::uint32_t>(threads));
+  return model;
 }
 
 std::vector<double> Train(Model* model, const OwnedBatch& batch, std::uint64_t update) {
@@ -145,16 +147,18 @@ Answers Ask(Model* model, std::uint64_t n, std::uint64_t seed) {
   answers.samples.resize(3 * n * a);
   EXPECT_TRUE(model->InitialLatent(previous).ok());
   const MatrixView<const double> action_view{actions.data(), n, a};
+  const std::vector<std::uint64_t> row_seeds(n, seed);
+  const View<const std::uint64_t> seeds{row_seeds.data(), n};
   EXPECT_TRUE(
-      model->Observe({previous, action_view, {observations.data(), n, 2}, {}, seed}, observed)
+      model->Observe({previous, action_view, {observations.data(), n, 2}, {}, seeds}, observed)
           .ok());
   EXPECT_TRUE(model
-                  ->Imagine({observed, action_view, seed},
+                  ->Imagine({observed, action_view, seeds},
                             {imagined, {answers.rewards.data(), n}, {answers.discounts.data(), n}})
                   .ok());
-  EXPECT_TRUE(model->Value(imagined, {answers.values.data(), n}).ok());
+  EXPECT_TRUE(model->Value(imagined, {.values = {answers.values.data(), n}}).ok());
   EXPECT_TRUE(model->ProposeMode(imagined, {answers.mode.data(), n, a}).ok());
-  EXPECT_TRUE(model->ProposeSamples(imagined, seed, {answers.samples.data(), 3 * n, a}).ok());
+  EXPECT_TRUE(model->ProposeSamples(imagined, seeds, {answers.samples.data(), 3 * n, a}).ok());
   answers.observed = observed.floats();
   answers.imagined = imagined.floats();
   return answers;
@@ -392,18 +396,21 @@ TEST(Dreamer, AllocatesNothingAfterWarmUp) {
     LatentArray latents(*model, 150), next(*model, 150);
     std::vector<double> actions(150, 0.1), observations(300, 0.2), rewards(150), discounts(150),
         values(150), samples(150);
+    std::vector<std::uint64_t> row_seeds(150);
     const auto call_everything = [&](std::uint64_t n, std::uint64_t seed) {
       bool ok = true;
+      FillSeeds(seed, {row_seeds.data(), n});
+      const View<const std::uint64_t> seeds{row_seeds.data(), n};
       const std::uint64_t bytes = model->latent_bytes();
       const Latents from{Latents(latents).data, n, bytes}, to{Latents(next).data, n, bytes};
       const MatrixView<const double> action{actions.data(), n, 1};
       ok &= model->InitialLatent(from).ok();
-      ok &= model->Observe({from, action, {observations.data(), n, 2}, {}, seed}, to).ok();
-      ok &= model->Imagine({to, action, seed}, {from, {rewards.data(), n}, {discounts.data(), n}})
+      ok &= model->Observe({from, action, {observations.data(), n, 2}, {}, seeds}, to).ok();
+      ok &= model->Imagine({to, action, seeds}, {from, {rewards.data(), n}, {discounts.data(), n}})
                 .ok();
-      ok &= model->Value(from, {values.data(), n}).ok();
+      ok &= model->Value(from, {.values = {values.data(), n}}).ok();
       ok &= model->ProposeMode(from, {samples.data(), n, 1}).ok();
-      ok &= model->ProposeSamples({from.data, 1, bytes}, seed, {samples.data(), n, 1}).ok();
+      ok &= model->ProposeSamples({from.data, 1, bytes}, {seeds.data, 1}, {samples.data(), n, 1}).ok();
       return ok;
     };
     const auto train = [&](std::uint64_t update) {
@@ -462,8 +469,9 @@ TEST(Dreamer, FindsNanInItsOwnLatents) {
   latents.floats()[3] = std::numeric_limits<float>::quiet_NaN();
   const std::vector<double> actions(2, 0.0);
   std::vector<double> numbers(4);
+  const std::uint64_t seeds[] = {0, 0};
   EXPECT_EQ(model
-                ->Imagine({latents, {actions.data(), 2, 1}, 0},
+                ->Imagine({latents, {actions.data(), 2, 1}, {seeds, 2}},
                           {next, {numbers.data(), 2}, {numbers.data() + 2, 2}})
                 .code,
             StatusCode::kNotFinite);
@@ -474,17 +482,29 @@ TEST(Dreamer, RefusesWrongSizes) {
   LatentArray latents(*model, 2), next(*model, 2);
   std::vector<double> numbers(8);
   const auto code = [](const Status& status) { return status.code; };
-  EXPECT_EQ(code(model->Value(latents, {numbers.data(), 3})), StatusCode::kInvalidArgument);
+  const std::uint64_t row_seeds[] = {0, 0};
+  const View<const std::uint64_t> seeds{row_seeds, 2}, one_seed{row_seeds, 1};
+  EXPECT_EQ(code(model->Value(latents, {.values = {numbers.data(), 3}})),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(model->Value(latents, {{numbers.data(), 2}, {numbers.data(), 1}, {}})),
+            StatusCode::kInvalidArgument);
   EXPECT_EQ(code(model->ProposeMode(latents, {numbers.data(), 2, 2})),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(code(model->ProposeSamples(latents, 0, {numbers.data(), 3, 1})),
+  EXPECT_EQ(code(model->ProposeSamples(latents, seeds, {numbers.data(), 3, 1})),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(code(model->Imagine({latents, {numbers.data(), 1, 1}, 0},
-                                {next, {numbers.data(), 2}, {numbers.data(), 2}})),
+  EXPECT_EQ(code(model->ProposeSamples(latents, one_seed, {numbers.data(), 4, 1})),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(
-      code(model->Observe({latents, {numbers.data(), 2, 1}, {numbers.data(), 2, 3}, {}, 0}, next)),
-      StatusCode::kInvalidArgument);
+  for (const auto& [actions, given] : {std::pair(1u, seeds), std::pair(2u, one_seed)}) {
+    EXPECT_EQ(code(model->Imagine({latents, {numbers.data(), actions, 1}, given},
+                                  {next, {numbers.data(), 2}, {numbers.data(), 2}})),
+              StatusCode::kInvalidArgument);
+  }
+  for (const auto& [size, given] : {std::pair(3u, seeds), std::pair(2u, one_seed)}) {
+    EXPECT_EQ(code(model->Observe({latents, {numbers.data(), 2, 1}, {numbers.data(), 2, size}, {},
+                                   given},
+                                  next)),
+              StatusCode::kInvalidArgument);
+  }
   OwnedBatch batch = PointBatch(2, 4, 1);
   batch.is_first[1] = 1;
   std::vector<double> metrics(DeclaredMetrics().size);
@@ -545,8 +565,10 @@ TEST(Dreamer, LearnsAPointOnALine) {
     ASSERT_TRUE(model->InitialLatent(previous).ok());
     const double observation[] = {x, x * x};
     const double action[] = {0};
+    const std::uint64_t seed = 0;
     ASSERT_TRUE(
-        model->Observe({previous, {action, 1, 1}, {observation, 1, 2}, {}, 0}, latent).ok());
+        model->Observe({previous, {action, 1, 1}, {observation, 1, 2}, {}, {&seed, 1}}, latent)
+            .ok());
     ASSERT_TRUE(model->ProposeMode(latent, {&modes[x < 0], 1, 1}).ok());
   }
   EXPECT_LT(modes[0], -0.3);

@@ -93,15 +93,15 @@ class Summing final : public Model {
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
     return Error(StatusCode::kInternal, "the behaviour must not imagine");
   }
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
-    for (std::uint64_t i = 0; i < latents.rows; ++i) values[i] = At(latents, i).observed;
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+    for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = At(latents, i).observed;
     return OkStatus();
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     for (std::uint64_t i = 0; i < latents.rows; ++i) actions(i, 0) = At(latents, i).acted;
     return OkStatus();
   }
-  Status ProposeSamples(ConstLatents latents, std::uint64_t,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t>,
                         MatrixView<double> actions) noexcept override {
     const std::uint64_t each = actions.rows / latents.rows;
     for (std::uint64_t i = 0; i < actions.rows; ++i) {
@@ -126,10 +126,13 @@ class Summing final : public Model {
     return OkStatus();
   }
   Status Train(const TrainRequest&, View<double>) noexcept override { return OkStatus(); }
+  void SetThreads(std::uint32_t count) noexcept override { threads = count; }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
   Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override {}
+
+  std::uint32_t threads = 1;
 
  private:
   static Latent At(ConstLatents latents, std::uint64_t i) {
@@ -177,6 +180,8 @@ class LoadedOracle {
     request.actions = {zero.data(), 1, zero.size()};
     request.observations = {observation.data, 1, observation.size};
     request.environment_states = {state.data, 1, state.size};
+    const std::uint64_t seed = 1;
+    request.seeds = {&seed, 1};
     const Status observed = model_->Observe(request, latent(i));
     ASSERT_TRUE(observed.ok()) << observed.message;
   }
@@ -187,8 +192,9 @@ class LoadedOracle {
   };
   Transition Imagine(std::uint64_t from, const std::vector<double>& action, std::uint64_t to) {
     Transition transition;
+    const std::uint64_t seed = 1;
     const Status imagined =
-        model_->Imagine({latent(from), {action.data(), 1, action.size()}, 1},
+        model_->Imagine({latent(from), {action.data(), 1, action.size()}, {&seed, 1}},
                         {latent(to), {&transition.reward, 1}, {&transition.discount, 1}});
     if (!imagined.ok()) throw std::runtime_error(imagined.message);
     return transition;
@@ -282,7 +288,7 @@ TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
     LoadedOracle oracle(&environment);
     oracle.Observe(0, AsBytes({0, 1}), {&zero, 1});
     double value = -7, mode = -7;
-    ASSERT_TRUE(oracle->Value(oracle.latent(0), {&value, 1}).ok());
+    ASSERT_TRUE(oracle->Value(oracle.latent(0), {.values = {&value, 1}}).ok());
     ASSERT_TRUE(oracle->ProposeMode(oracle.latent(0), {&mode, 1, 1}).ok());
     EXPECT_EQ(value, 0);
     EXPECT_EQ(mode, 0);
@@ -293,8 +299,11 @@ TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
                         {{"proposal", gaussian ? "gaussian" : "uniform"}, {"proposal_std", 0.1}});
     oracle.Observe(0, AsBytes({0, 1}), {&zero, 1});
     std::vector<double> samples(kSamples);
+    const std::uint64_t seed = 3;
     ASSERT_TRUE(
-        oracle->ProposeSamples(oracle.latent(0), 3, {samples.data(), samples.size(), 1}).ok());
+        oracle
+            ->ProposeSamples(oracle.latent(0), {&seed, 1}, {samples.data(), samples.size(), 1})
+            .ok());
     double mean = 0, squares = 0;
     for (const double a : samples) {
       mean += a / kSamples;
@@ -316,9 +325,10 @@ TEST(Oracle, TheBehavioursLatentFollowsWhatTheSimulatorShows) {
   oracle.Imagine(0, {0.25}, 1);
   oracle.Imagine(1, {0.5}, 2);
   double value = 0, mode = 0, samples[2] = {};
-  ASSERT_TRUE(oracle->Value(oracle.latent(2), {&value, 1}).ok());
+  ASSERT_TRUE(oracle->Value(oracle.latent(2), {.values = {&value, 1}}).ok());
   ASSERT_TRUE(oracle->ProposeMode(oracle.latent(2), {&mode, 1, 1}).ok());
-  ASSERT_TRUE(oracle->ProposeSamples(oracle.latent(2), 1, {samples, 2, 1}).ok());
+  const std::uint64_t seed = 1;
+  ASSERT_TRUE(oracle->ProposeSamples(oracle.latent(2), {&seed, 1}, {samples, 2, 1}).ok());
   EXPECT_EQ(value, 7 + 1 + 100 + 200);
   EXPECT_EQ(mode, 0.75);
   EXPECT_EQ(samples[0], 0.875);
@@ -326,7 +336,7 @@ TEST(Oracle, TheBehavioursLatentFollowsWhatTheSimulatorShows) {
 
   LoadedOracle plain(&environment, {{"proposal", "uniform"}, {"value", "zero"}}, 1, &behaviour);
   plain.Observe(0, AsBytes({0, 1}), {&first, 1});
-  ASSERT_TRUE(plain->Value(plain.latent(0), {&value, 1}).ok());
+  ASSERT_TRUE(plain->Value(plain.latent(0), {.values = {&value, 1}}).ok());
   EXPECT_EQ(value, 0);
 }
 
@@ -339,11 +349,14 @@ TEST(Oracle, ABatchEqualsItsRows) {
     oracle.Observe(i, AsBytes({static_cast<double>(2 * i), 1}), {&first, 1});
   }
   const std::vector<double> actions = {0.5, -0.5, 1};
+  const std::uint64_t seeds[] = {1, 1, 1};
   double rewards[3], discounts[3];
   ASSERT_TRUE(
       oracle
           ->Imagine(
-              {{oracle.latent(0).data, 3, oracle->latent_bytes()}, {actions.data(), 3, 1}, 1},
+              {{oracle.latent(0).data, 3, oracle->latent_bytes()},
+               {actions.data(), 3, 1},
+               {seeds, 3}},
               {{oracle.latent(10).data, 3, oracle->latent_bytes()}, {rewards, 3}, {discounts, 3}})
           .ok());
   for (std::uint64_t i = 0; i < 3; ++i) {

@@ -75,9 +75,11 @@ class ScriptedModel : public LatentModel {
     return OkStatus();
   }
 
-  Status Value(ConstLatents latents, View<double> values) noexcept override {
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
     if (Fails()) return failure;
-    for (std::uint64_t i = 0; i < latents.rows; ++i) values[i] = value(State(latents, i));
+    for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = value(State(latents, i));
+    std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
+    std::copy_n(result.values.data, result.least.size, result.least.data);
     values_asked += latents.rows;
     return OkStatus();
   }
@@ -89,13 +91,15 @@ class ScriptedModel : public LatentModel {
     return OkStatus();
   }
 
-  Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> out) noexcept override {
     if (Fails()) return failure;
-    Random random(seed);
     const std::uint64_t each = out.rows / latents.rows;
-    for (std::uint64_t i = 0; i < out.rows; ++i) {
-      sample(State(latents, i / each), random, out.row(i));
+    for (std::uint64_t i = 0; i < latents.rows; ++i) {
+      Random random(seeds[i]);
+      for (std::uint64_t j = 0; j < each; ++j) {
+        sample(State(latents, i), random, out.row(i * each + j));
+      }
     }
     samples_asked += out.rows;
     return OkStatus();

@@ -9,8 +9,14 @@
 // Units    actions lie in [-1, 1]. A reward is that of one *decision*: summed over
 //          the action repeat. value(s) is the discounted sum of the rewards still
 //          to come after s; the reward for arriving at s is not in it.
+// Rows     a row's answer is a function of the model's parameters and of the row's own
+//          latent, action, observation, environment state and seed. The rows beside it,
+//          their number and its place among them change not one bit of it. So a request
+//          has a seed for each row, and whoever has several requests of one kind may
+//          make them one; the host does.
 // Memory   views belong to the caller and are valid only during the call.
-// Threads  one thread drives an instance at a time; instances share nothing.
+// Threads  one thread drives an instance at a time; instances share nothing. A model
+//          may use threads of its own inside a call, see SetThreads.
 // Errors   every call returns a Status and lets no exception out. A model that
 //          finds a latent of its own not finite returns kNotFinite.
 #pragma once
@@ -26,12 +32,12 @@ namespace dreamsearch {
 
 class Environment;
 
-// A batch of imagined transitions. `seed` decides every draw; a model whose
+// A batch of imagined transitions. A row's seed decides its every draw; a model whose
 // transitions are deterministic ignores it.
 struct ImagineRequest {
   ConstLatents latents;              // [B, latent_bytes]
   MatrixView<const double> actions;  // [B, A]
-  std::uint64_t seed = 0;
+  View<const std::uint64_t> seeds;   // [B]
 };
 
 struct ImagineResult {
@@ -39,6 +45,22 @@ struct ImagineResult {
   View<double> rewards;    // [B]: r(s')
   View<double> discounts;  // [B]: gamma, times the chance to go on where that is modelled
 };
+
+// What is thought of a batch of latents. A model that estimates values with an ensemble
+// reports how far its members are apart; one without reports a deviation of 0 and the
+// value itself as the least.
+struct ValueResult {
+  View<double> values;      // [B]
+  View<double> deviations;  // [B]: standard deviation over the ensemble; empty: not asked for
+  View<double> least;       // [B]: the least of the ensemble; empty: not asked for
+};
+
+// Whether there is room for `rows` values, and as much or none for what is optional.
+inline bool HasRoom(const ValueResult& result, std::uint64_t rows) noexcept {
+  return result.values.size == rows &&
+         (result.deviations.empty() || result.deviations.size == rows) &&
+         (result.least.empty() || result.least.size == rows);
+}
 
 class LatentModel {
  public:
@@ -48,15 +70,15 @@ class LatentModel {
   // s' and r(s') for every row.
   virtual Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept = 0;
 
-  // values: [B].
-  virtual Status Value(ConstLatents latents, View<double> values) noexcept = 0;
+  // v(s) for every row, and its spread where there is room for it.
+  virtual Status Value(ConstLatents latents, const ValueResult& result) noexcept = 0;
 
   // The mode of the actor at every latent. actions: [B, A].
   virtual Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept = 0;
 
-  // n samples of the actor at every latent. actions: [B * n, A], the samples of
-  // latent i in rows i * n ... i * n + n - 1.
-  virtual Status ProposeSamples(ConstLatents latents, std::uint64_t seed,
+  // n samples of the actor at every latent. seeds: [B]; actions: [B * n, A], the
+  // samples of latent i, drawn from seeds[i], in rows i * n ... i * n + n - 1.
+  virtual Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                                 MatrixView<double> actions) noexcept = 0;
 
  protected:
@@ -72,7 +94,7 @@ struct ObserveRequest {
   // [B, state_bytes]: the environment's saved state, only for a model whose
   // descriptor has needs_environment; otherwise empty.
   MatrixView<const std::byte> environment_states;
-  std::uint64_t seed = 0;
+  View<const std::uint64_t> seeds;        // [B]
 };
 
 // B sequences of T consecutive decisions, each inside one episode. Row b * T + t
@@ -109,6 +131,11 @@ class Model : public LatentModel {
   //   kNotFinite           a loss or a gradient norm is not finite; the message
   //                        names it. The parameters are unchanged.
   virtual Status Train(const TrainRequest& request, View<double> metrics) noexcept = 0;
+
+  // How many threads its calls may use from now on, 1 until it is told; at least 1.
+  // Results do not depend on it. May come between any two calls; a model that cannot
+  // have as many uses fewer.
+  virtual void SetThreads(std::uint32_t threads) noexcept = 0;
 
   // All that decides the future: parameters, optimiser moments, statistics,
   // counters. Load brings back the very bits.

@@ -1,6 +1,6 @@
 // plugin.h - what a shared library exports to be a dreamsearch plugin.
 //
-// A library exports one C function, `dreamsearch_plugin_v1` (named after the
+// A library exports one C function, `dreamsearch_plugin_v0` (named after the
 // SDK's major version), that returns its PluginDescriptor. Everything else is
 // hidden. The descriptor and all it points to are constant and live as long as
 // the library, which the host keeps loaded until it exits.
@@ -45,7 +45,6 @@ struct ModelContext {
   std::uint32_t action_repeat = 1;         // environment steps a decision
   std::uint32_t episode_decisions = 0;     // decisions in an episode
   std::uint64_t seed = 0;                  // initial parameters
-  std::uint32_t threads = 1;               // threads it may use; results do not depend on it
   // Only for a model with needs_environment: an environment of its own, which it
   // does not destroy and which outlives it; otherwise null.
   Environment* environment = nullptr;
@@ -90,7 +89,7 @@ constexpr std::uint64_t LayoutTag() noexcept {
        {std::uint64_t{sizeof(Status)}, sizeof(View<double>), sizeof(MatrixView<double>), sizeof(ParameterSpec),
         sizeof(ParameterValue), sizeof(MetricSpec), sizeof(ObservationPart),
         sizeof(EnvironmentSpec), sizeof(StepResult), sizeof(RenderRequest), sizeof(ImagineRequest),
-        sizeof(ImagineResult), sizeof(ObserveRequest), sizeof(SequenceBatch), sizeof(TrainRequest),
+        sizeof(ImagineResult), sizeof(ValueResult), sizeof(ObserveRequest), sizeof(SequenceBatch), sizeof(TrainRequest),
         sizeof(TreeEdge), sizeof(PlanRequest), sizeof(PlanResult), sizeof(EnvironmentContext),
         sizeof(ModelContext), sizeof(PlannerContext), sizeof(ComponentDescriptor)}) {
     tag = tag * 1099511628211ull ^ size;
@@ -100,7 +99,7 @@ constexpr std::uint64_t LayoutTag() noexcept {
 
 // Counts changes to the order or the number of virtual functions, which no
 // layout tag can see. Raise it with every such change.
-inline constexpr std::uint32_t kInterfaceRevision = 1;
+inline constexpr std::uint32_t kInterfaceRevision = 2;
 
 inline constexpr std::uint64_t kPluginMagic = 0x6d61657264534e50ull;
 
@@ -120,7 +119,9 @@ struct PluginDescriptor {
 
 using PluginEntry = const PluginDescriptor* (*)();
 
-inline constexpr const char* kPluginEntrySymbol = "dreamsearch_plugin_v1";
+inline constexpr const char* kPluginEntrySymbol = "dreamsearch_plugin_v0";
+// What plugins exported before SDK 0.1; no version will use the name again.
+inline constexpr const char* kRetiredEntrySymbol = "dreamsearch_plugin_v1";
 
 template <std::uint64_t N, typename T>
 constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
@@ -132,7 +133,7 @@ constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
 // Exports `components`, an array of ComponentDescriptor with static storage.
 #define DREAMSEARCH_PLUGIN(plugin_name, plugin_version, plugin_components)                        \
   extern "C" __attribute__((visibility("default"))) const ::dreamsearch::PluginDescriptor*        \
-  dreamsearch_plugin_v1() {                                                                       \
+  dreamsearch_plugin_v0() {                                                                       \
     static constexpr ::dreamsearch::PluginDescriptor descriptor = {                               \
         .struct_size = sizeof(::dreamsearch::PluginDescriptor),                                   \
         .name = plugin_name,                                                                      \

@@ -10,6 +10,8 @@
 #include <cstdint>
 #include <numbers>
 
+#include "dreamsearch/view.h"
+
 namespace dreamsearch {
 
 // The finaliser of SplitMix64 (Steele, Lea, Flood 2014): a bijection on 64 bits
@@ -25,6 +27,11 @@ inline constexpr std::uint64_t kGoldenGamma = 0x9e3779b97f4a7c15ull;
 // A new seed from a seed and a stream number; chains to hash several numbers.
 constexpr std::uint64_t DeriveSeed(std::uint64_t seed, std::uint64_t stream) noexcept {
   return MixBits(MixBits(seed + kGoldenGamma) ^ (stream * 0xd1342543de82ef95ull + kGoldenGamma));
+}
+
+// A seed for each row of a request from one: row i gets DeriveSeed(seed, i).
+constexpr void FillSeeds(std::uint64_t seed, View<std::uint64_t> seeds) noexcept {
+  for (std::uint64_t i = 0; i < seeds.size; ++i) seeds[i] = DeriveSeed(seed, i);
 }
 
 // SplitMix64. Counter-based: draw i is MixBits(seed + (i + 1) * kGoldenGamma),

@@ -2,12 +2,12 @@
 //
 // CMake reads these lines, so keep them as plain #defines.
 //
-// The project version names a release. The SDK version names the plugin
-// boundary: a host loads a plugin when the major versions are equal and the
-// plugin's minor version is not newer than the host's. Within a major version
-// structs and virtual functions are only ever appended.
+// The project version names a release. The SDK version names the plugin boundary.
+// Until it is frozen as 1.0 it is 0.x, and a host loads a plugin if and only if the
+// plugin was built against the very same version, major and minor; it says expected
+// and found where it refuses one. Any change of the boundary raises the minor version.
 #pragma once
 
 #define DREAMSEARCH_VERSION "0.1.0"
-#define DREAMSEARCH_SDK_MAJOR 1
-#define DREAMSEARCH_SDK_MINOR 0
+#define DREAMSEARCH_SDK_MAJOR 0
+#define DREAMSEARCH_SDK_MINOR 1

@@ -2,6 +2,6 @@
 #include "dreamsearch/plugin.h"
 
 extern "C" __attribute__((visibility("default")))
-const dreamsearch::PluginDescriptor* dreamsearch_plugin_v1() {
+const dreamsearch::PluginDescriptor* dreamsearch_plugin_v0() {
   return nullptr;
 }

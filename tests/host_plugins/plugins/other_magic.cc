@@ -1,4 +1,4 @@
 // Its descriptor begins with something else.
 #include "tiny_plugin.h"
 
-TINY_DESCRIPTOR(v1, d.magic = 0x1234)
+TINY_DESCRIPTOR(v0, d.magic = 0x1234)

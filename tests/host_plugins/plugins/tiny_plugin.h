@@ -29,7 +29,7 @@ constexpr ComponentDescriptor TinyPlanner(const char* name) {
   }                                                                                \
   DREAMSEARCH_PLUGIN(#name, "1.0.0", kComponents)
 
-// A descriptor with fields changed: TINY_DESCRIPTOR(v1, { d.sdk_minor = 9; })
+// A descriptor with fields changed: TINY_DESCRIPTOR(v0, { d.sdk_minor = 9; })
 #define TINY_DESCRIPTOR(entry, change)                                             \
   namespace {                                                                      \
   constexpr dreamsearch::ComponentDescriptor kComponents[] = {                     \
