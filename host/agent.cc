@@ -4,7 +4,6 @@
 #include <cmath>
 #include <memory>
 
-#include "activity_clock.h"
 #include "components.h"
 
 namespace dreamsearch {
@@ -44,7 +43,7 @@ void Agent::BeginEpisode(Phase phase, std::uint64_t episode) {
 
 Decision Agent::Decide(View<const double> observation, bool explore,
                        std::uint64_t environment_step, TreeSink* tree) {
-  const double begin = ActivityClock::Now();
+  const double begin = Now();
   ObserveRequest observe;
   observe.previous = {Latent(current_), 1, latent_bytes_};
   observe.actions = {action_.data(), 1, action_.size()};
@@ -105,7 +104,7 @@ Decision Agent::Decide(View<const double> observation, bool explore,
     throw RunnerError(ExitCode::kDiverged, who + " reported a value that is not finite");
   }
   ++decision_;
-  decision.plan_us = (ActivityClock::Now() - begin) * 1e6;
+  decision.plan_us = (Now() - begin) * 1e6;
   return decision;
 }
 

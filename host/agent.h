@@ -8,9 +8,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "activity_clock.h"
 #include "byte_buffer.h"
 #include "dreamsearch/environment.h"
 #include "dreamsearch/model.h"
@@ -23,7 +25,7 @@ namespace dreamsearch {
 // What was decided, and what the search did for it.
 struct Decision {
   double value = 0;
-  double plan_us = 0;  // posterior update and planning
+  double plan_us = 0;  // posterior update and planning, by Agent::Now
   std::uint32_t simulations = 0;
   std::uint32_t nodes = 0;
   std::uint32_t depth = 0;
@@ -41,6 +43,8 @@ class Agent {
     Environment* environment = nullptr;  // whose state a needs_environment model is given
     bool model_needs_environment = false;
     std::uint64_t run_seed = 0;
+    // Seconds. For an agent that decides beside others its share of their time.
+    std::function<double()> clock = ActivityClock::Now;
   };
   explicit Agent(const Parts& parts);
 
@@ -55,6 +59,7 @@ class Agent {
   View<const double> action() const { return {action_.data(), action_.size()}; }
   // The planner's metrics of the last Decide.
   const std::vector<double>& metrics() const { return metrics_; }
+  double Now() const { return parts_.clock(); }
   // Transitions the planner imagined since the agent was made or restored.
   std::uint64_t transitions() const { return proxy_.transitions(); }
 

@@ -2,6 +2,8 @@
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
 #include "activity_clock.h"
 #include "commands.h"
@@ -247,22 +249,18 @@ int ExplainDecisionMain() {
     const auto wanted = question.at("decision").get<std::uint64_t>();
     const Components components(spec);
     EvaluationPlayer player(components, spec,
-                            ReadAgent(spec, question.at("agent").get<std::string>()), 1);
-    EvaluationEpisode episode;
-    episode.agent = player.agent();
-    episode.environment = player.environment();
-    episode.environment_name = spec.environment.name();
-    episode.action_repeat = spec.action_repeat();
-    episode.run_seed = spec.seed;
-    episode.index = question.at("episode");
-    episode.env_step = spec.evaluation->env_step;
+                            ReadAgent(spec, question.at("agent").get<std::string>()), 1, 1);
     TreeCollector tree;
     Decision decided;
+    std::vector<double> action, metrics;
     std::uint64_t played = 0;
     const double begin = ActivityClock::Now();
     double shown = begin;
-    EpisodeHooks hooks;
-    hooks.go_on = [&](std::uint64_t t) {
+    std::optional<std::uint64_t> next = question.at("episode").get<std::uint64_t>();
+    EpisodeFaults faults;
+    EpisodeCourse course;
+    course.next = [&] { return std::exchange(next, std::nullopt); };
+    course.go_on = [&](std::uint64_t, std::uint64_t t) {
       const double now = ActivityClock::Now();
       if (now - shown > 5) {
         shown = now;
@@ -273,14 +271,23 @@ int ExplainDecisionMain() {
       }
       return t <= wanted;
     };
-    hooks.tree = [&](std::uint64_t t) -> TreeSink* { return t == wanted ? &tree : nullptr; };
-    hooks.decided = [&](std::uint64_t t, const Decision& decision) {
-      played = t + 1;
-      if (t == wanted) decided = decision;
+    course.tree = [&](std::uint64_t, std::uint64_t t) -> TreeSink* {
+      return t == wanted ? &tree : nullptr;
     };
-    // Decision `wanted` may be the episode's last, so its action is kept by the agent.
-    results::EpisodeRow row;
-    PlayEvaluationEpisode(episode, hooks, &row);
+    course.decided = [&](std::uint64_t, std::uint64_t t, const Decision& decision,
+                         const Agent& agent) {
+      played = t + 1;
+      if (t != wanted) return;
+      decided = decision;
+      action.assign(agent.action().begin(), agent.action().end());
+      metrics = agent.metrics();
+    };
+    course.ended = [](std::uint64_t, const results::EpisodeRow&) {};
+    course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+      faults.Add(index, std::move(error));
+    };
+    player.Play(course);
+    faults.RethrowFirst();
     if (played <= wanted) {
       throw RunnerError(ExitCode::kUsage, "--decision: expected 0 to " +
                                               std::to_string(played - 1) +
@@ -294,7 +301,7 @@ int ExplainDecisionMain() {
     if (tree.edges().empty()) {
       throw RunnerError(ExitCode::kBadInput, who + " reports no tree");
     }
-    return TreeJson(tree, player.agent()->action(), decided, player.agent()->metrics(),
+    return TreeJson(tree, {action.data(), action.size()}, decided, metrics,
                     components.planner().metrics);
   });
 }

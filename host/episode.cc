@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "activity_clock.h"
-#include "components.h"
 #include "error.h"
 #include "results/digest.h"
 
@@ -59,38 +57,61 @@ void CheckLength(const Environment& environment, const std::string& name, std::u
                         std::to_string(length));
 }
 
-bool PlayEvaluationEpisode(const EvaluationEpisode& episode, const EpisodeHooks& hooks,
-                           results::EpisodeRow* row) {
+EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {
+  for (std::size_t seat = 0; seat < parts_.model->seats(); ++seat) {
+    Agent::Parts agent = parts_.agent;
+    agent.model = parts_.model->seat(seat);
+    agent.planner = parts_.planners.empty() ? nullptr : parts_.planners[seat].get();
+    agent.environment = (*parts_.environments)[seat].get();
+    agent.run_seed = parts_.run_seed;
+    agent.clock = [model = parts_.model, seat] { return model->Seconds(seat); };
+    agents_.push_back(std::make_unique<Agent>(agent));
+  }
+}
+
+void EpisodePlayers::Play(const EpisodeCourse& course, std::uint64_t env_step) {
+  parts_.model->Run([&](std::size_t seat) {
+    while (const std::optional<std::uint64_t> index = course.next()) {
+      try {
+        results::EpisodeRow row;
+        if (!PlayOne(seat, *index, course, env_step, &row)) return;
+        course.ended(*index, row);
+      } catch (...) {
+        return course.failed(*index, std::current_exception());
+      }
+    }
+  });
+}
+
+bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const EpisodeCourse& course,
+                             std::uint64_t env_step, results::EpisodeRow* row) {
+  Environment* environment = (*parts_.environments)[seat].get();
+  Agent* agent = agents_[seat].get();
+  const std::string& name = parts_.environment_name;
   const auto seed = static_cast<std::uint32_t>(
-      SeedFor(episode.run_seed, SeedUse::kEnvironment, Phase::kEvaluation, episode.index, 0));
-  std::vector<double> observation(episode.environment->spec().observation_size);
+      SeedFor(parts_.run_seed, SeedUse::kEnvironment, Phase::kEvaluation, index, 0));
+  std::vector<double> observation(environment->spec().observation_size);
   const View<double> view{observation.data(), observation.size()};
-  ThrowUnlessOk(episode.environment->Reset(seed, view),
-                "environment '" + episode.environment_name + "' Reset");
-  Agent* agent = episode.agent;
-  agent->BeginEpisode(Phase::kEvaluation, episode.index);
-  const double begin = ActivityClock::Now();
+  ThrowUnlessOk(environment->Reset(seed, view), "environment '" + name + "' Reset");
+  agent->BeginEpisode(Phase::kEvaluation, index);
+  const double begin = agent->Now();
   const std::uint64_t transitions_before = agent->transitions();
   std::vector<double> plan_us;
   results::EpisodeDigest digest;
   HeldAction held;
   for (std::uint64_t t = 0; !held.last; ++t) {
-    if (!hooks.go_on(t)) return false;
+    if (!course.go_on(index, t)) return false;
     const Decision decision =
-        agent->Decide(view, false, episode.env_step, hooks.tree ? hooks.tree(t) : nullptr);
-    if (hooks.decided) hooks.decided(t, decision);
-    held = HoldAction(episode.environment, episode.environment_name, agent->action(),
-                      episode.action_repeat, view);
+        agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
+    if (course.decided) course.decided(index, t, decision, *agent);
+    held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
     row->length += static_cast<std::int64_t>(held.steps);
     row->episode_return += held.reward;
     digest.AddDecision(agent->action().data, agent->action().size, held.reward, decision.value);
     plan_us.push_back(decision.plan_us);
-    if (!held.last) {
-      CheckLength(*episode.environment, episode.environment_name,
-                  static_cast<std::uint64_t>(row->length));
-    }
+    if (!held.last) CheckLength(*environment, name, static_cast<std::uint64_t>(row->length));
   }
-  row->wall_seconds = ActivityClock::Now() - begin;
+  row->wall_seconds = agent->Now() - begin;
   row->plan_us_mean = Mean(plan_us);
   row->plan_us_p95 = Percentile95(plan_us);
   row->model_transitions = static_cast<std::int64_t>(agent->transitions() - transitions_before);

@@ -11,7 +11,6 @@
 #include "activity_clock.h"
 #include "byte_buffer.h"
 #include "catalogue.h"
-#include "episode.h"
 #include "error.h"
 #include "resumption.h"
 #include "schedule.h"
@@ -19,31 +18,38 @@
 namespace dreamsearch {
 
 EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& spec,
-                                   const CheckpointSections& agent, std::uint32_t model_threads)
-    : environment_(components.MakeEnvironment()),
-      model_environment_(components.model().needs_environment ? components.MakeEnvironment()
-                                                              : nullptr),
-      behaviour_(components.MakeBehaviour(environment_->spec(), model_threads)),
-      model_(components.MakeModel(environment_->spec(), model_threads, model_environment_.get(),
-                                  behaviour_.get())) {
+                                   const CheckpointSections& agent, std::uint32_t model_threads,
+                                   std::size_t episodes)
+    : env_step_(spec.evaluation->env_step) {
+  for (std::size_t i = 0; i < episodes; ++i) {
+    environments_.push_back(components.MakeEnvironment());
+  }
+  const EnvironmentSpec& task = environments_.front()->spec();
+  if (components.model().needs_environment) model_environment_ = components.MakeEnvironment();
+  behaviour_ = components.MakeBehaviour(task, model_threads);
+  model_ = components.MakeModel(task, model_threads, model_environment_.get(), behaviour_.get());
   if (behaviour_ != nullptr) {
     LoadModel(agent, spec.evaluation->behaviour->name(), behaviour_.get());
   } else if (!agent.empty()) {
     LoadModel(agent, spec.model.name(), model_.get());
   }
-  Agent::Parts parts;
-  parts.model = model_.get();
-  parts.model_name = spec.model.name();
-  parts.environment = environment_.get();
-  parts.model_needs_environment = components.model().needs_environment;
+  joint_ = std::make_unique<JointModel>(model_.get(), episodes);
+  EpisodePlayers::Parts parts;
+  parts.model = joint_.get();
+  parts.environments = &environments_;
+  parts.agent.model_name = spec.model.name();
+  parts.agent.model_needs_environment = components.model().needs_environment;
+  parts.environment_name = spec.environment.name();
+  parts.action_repeat = spec.action_repeat();
   parts.run_seed = spec.seed;
   if (spec.planner.name() != kActorPlanner) {
-    planner_ = components.MakePlanner(*model_);
-    parts.planner = planner_.get();
-    parts.planner_name = spec.planner.name();
-    parts.metrics = components.planner().metrics.size;
+    for (std::size_t i = 0; i < episodes; ++i) {
+      parts.planners.push_back(components.MakePlanner(*model_));
+    }
+    parts.agent.planner_name = spec.planner.name();
+    parts.agent.metrics = components.planner().metrics.size;
   }
-  agent_ = std::make_unique<Agent>(parts);
+  players_ = std::make_unique<EpisodePlayers>(std::move(parts));
 }
 
 CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
@@ -81,8 +87,12 @@ class Evaluation::Stage {
   // The next episode to play; nothing once all are taken or something went wrong.
   std::optional<std::uint64_t> Take() {
     const std::lock_guard lock(mutex_);
-    if (next_ == end_ || !errors_.empty()) return std::nullopt;
+    if (next_ == end_ || !faults_.empty()) return std::nullopt;
     return next_++;
+  }
+  bool MayGoOn(std::uint64_t index) {
+    const std::lock_guard lock(mutex_);
+    return !stop.load(std::memory_order_relaxed) && faults_.MayGoOn(index);
   }
   void Deliver(std::uint64_t index, Played played) {
     const std::lock_guard lock(mutex_);
@@ -91,28 +101,28 @@ class Evaluation::Stage {
   }
   void Fail(std::uint64_t index, std::exception_ptr error) {
     const std::lock_guard lock(mutex_);
-    errors_[index] = std::move(error);
+    faults_.Add(index, std::move(error));
     changed_.notify_all();
   }
   // A finished episode if it is there, after waiting a moment for it.
   std::optional<Played> Collect(std::uint64_t index) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, std::chrono::milliseconds(100),
-                      [&] { return played_.count(index) != 0 || !errors_.empty(); });
+                      [&] { return played_.count(index) != 0 || !faults_.MayGoOn(index + 1); });
     const auto found = played_.find(index);
     if (found == played_.end()) return std::nullopt;
     Played played = std::move(found->second);
     played_.erase(found);
     return played;
   }
-  // Of the errors that of the first episode, whichever thread was faster.
+  // The first episode that cannot be recorded.
+  std::uint64_t end() {
+    const std::lock_guard lock(mutex_);
+    return faults_.FirstOr(end_);
+  }
   void RethrowError() {
     const std::lock_guard lock(mutex_);
-    if (!errors_.empty()) std::rethrow_exception(errors_.begin()->second);
-  }
-  bool failed() {
-    const std::lock_guard lock(mutex_);
-    return !errors_.empty();
+    faults_.RethrowFirst();
   }
 
   std::atomic<std::uint64_t> env_steps{0};  // played by all threads
@@ -124,7 +134,7 @@ class Evaluation::Stage {
   std::uint64_t next_;
   const std::uint64_t end_;
   std::map<std::uint64_t, Played> played_;
-  std::map<std::uint64_t, std::exception_ptr> errors_;
+  EpisodeFaults faults_;
 };
 
 Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::RunWriter* writer,
@@ -197,61 +207,63 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
   const double seconds_before = at_.seconds;
   const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
   const CheckpointSections agent = ReadAgent(spec_, options_.agent);
-  const std::size_t count =
-      static_cast<std::size_t>(std::min<std::uint64_t>(options_.threads, episodes - at_.episodes));
+  const std::uint64_t left = episodes - at_.episodes;
+  const std::uint64_t threads = std::min<std::uint64_t>(std::max(options_.threads, 1u), left);
+  const std::uint64_t together =
+      std::min(EpisodePlayers::kMost, threads == 0 ? 0 : (left + threads - 1) / threads);
   // Made one after the other: a plugin's factories need not bear two threads.
   std::vector<std::unique_ptr<EvaluationPlayer>> players;
-  for (std::size_t i = 0; i < count; ++i) {
-    players.push_back(std::make_unique<EvaluationPlayer>(components_, spec_, agent, 1));
+  for (std::size_t i = 0; i < threads; ++i) {
+    players.push_back(std::make_unique<EvaluationPlayer>(components_, spec_, agent, 1, together));
   }
 
   Stage stage(at_.episodes, episodes);
   const auto play = [&](EvaluationPlayer* player) {
-    while (const std::optional<std::uint64_t> index = stage.Take()) {
-      Played played;
+    std::map<std::uint64_t, Played> playing;  // of this thread
+    EpisodeCourse course;
+    course.next = [&] {
+      const std::optional<std::uint64_t> index = stage.Take();
+      if (index) playing[*index].metric_sums.resize(metric_sums_.size());
+      return index;
+    };
+    course.go_on = [&](std::uint64_t index, std::uint64_t) { return stage.MayGoOn(index); };
+    course.decided = [&](std::uint64_t index, std::uint64_t, const Decision&,
+                         const Agent& player_agent) {
+      Played& played = playing[index];
+      ++played.decisions;
+      stage.env_steps += spec_.action_repeat();
+      for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
+        played.metric_sums[i] += player_agent.metrics()[i];
+      }
+    };
+    course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) {
+      Played played = std::move(playing[index]);
+      playing.erase(index);
+      played.row = row;
       played.row.phase = spec_.planner.name() == kActorPlanner ? results::Phase::kActorEvaluation
                                                                : results::Phase::kSearchEvaluation;
-      played.row.episode = static_cast<std::int64_t>(*index);
+      played.row.episode = static_cast<std::int64_t>(index);
       played.row.env_step = static_cast<std::int64_t>(env_step());
-      played.metric_sums.resize(metric_sums_.size());
-      EvaluationEpisode episode;
-      episode.agent = player->agent();
-      episode.environment = player->environment();
-      episode.environment_name = spec_.environment.name();
-      episode.action_repeat = spec_.action_repeat();
-      episode.run_seed = spec_.seed;
-      episode.index = *index;
-      episode.env_step = env_step();
-      EpisodeHooks hooks;
-      hooks.go_on = [&](std::uint64_t) { return !stage.stop.load(std::memory_order_relaxed); };
-      hooks.decided = [&](std::uint64_t, const Decision&) {
-        ++played.decisions;
-        stage.env_steps += spec_.action_repeat();
-        for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
-          played.metric_sums[i] += player->agent()->metrics()[i];
-        }
-      };
-      try {
-        if (!PlayEvaluationEpisode(episode, hooks, &played.row)) return;
-        stage.Deliver(*index, std::move(played));
-      } catch (...) {
-        return stage.Fail(*index, std::current_exception());
-      }
-    }
+      stage.Deliver(index, std::move(played));
+    };
+    course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+      stage.Fail(index, std::move(error));
+    };
+    player->Play(course);
   };
 
   const std::uint64_t steps_before = at_.env_steps;
   std::uint64_t watched = std::numeric_limits<std::uint64_t>::max();
   {
-    std::vector<std::jthread> threads;  // joined at the scope's end
+    std::vector<std::jthread> playing;  // joined at the scope's end
     // However this scope is left, the players are told to end first.
     struct Stopper {
       std::atomic<bool>* stop;
       ~Stopper() { *stop = true; }
     };
     const Stopper stopper{&stage.stop};
-    for (const auto& player : players) threads.emplace_back(play, player.get());
-    while (at_.episodes < episodes && !stage.failed() && !*stop) {
+    for (const auto& player : players) playing.emplace_back(play, player.get());
+    while (at_.episodes < stage.end() && !*stop) {
       const std::optional<Played> played = stage.Collect(at_.episodes);
       if (played) Record(*played, seconds_before + ActivityClock::Now() - started);
       const std::uint64_t env_steps = stage.env_steps;
@@ -260,6 +272,7 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       writer_->CommitIfDue();
       RunProgress progress;
       progress.stage = "evaluate";
+      progress.decisions = threads * together;
       progress.env_step = steps_before + env_steps;
       progress.training_return = std::numeric_limits<double>::quiet_NaN();
       progress.evaluation_return = at_.episodes == 0
@@ -268,7 +281,7 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       watcher(progress);
     }
   }
-  if (*stop && at_.episodes < episodes) return Outcome::kInterrupted;
+  if (*stop && at_.episodes < stage.end()) return Outcome::kInterrupted;
   stage.RethrowError();
   return Outcome::kFinished;
 }

@@ -2,13 +2,14 @@
 // that needs no training, under one planner.
 //
 // Episode i has the seeds it has in every evaluation of the run seed, so a trained
-// run's own planner plays here the very episodes of its last evaluation. Episodes are
-// played side by side, each on instances of its own, and recorded in their order; the
-// threads change nothing but the time. The planner `dreamer` is the actor alone and
-// recorded as such (results::Phase).
+// run's own planner plays here the very episodes of its last evaluation. Each thread has
+// a model of its own and plays a group of episodes side by side (episode.h); they are
+// recorded in their order, and neither threads nor groups change anything but the time.
+// The planner `dreamer` is the actor alone and recorded as such (results::Phase).
 //
 // A checkpoint follows every recorded episode; a resume goes on with the next.
-// Errors   RunnerError: 72 when something is not finite; 65 if the trained run's
+// Errors   RunnerError, that of the first episode that has a fault: 72 when something is not
+// finite; 65 if the trained run's
 //          checkpoint is not the one that was to be evaluated, 66 if it is gone.
 #pragma once
 
@@ -18,30 +19,34 @@
 
 #include "agent.h"
 #include "components.h"
+#include "episode.h"
+#include "joint_model.h"
 #include "procedure.h"
 #include "results/run_writer.h"
 #include "settings.h"
 
 namespace dreamsearch {
 
-// A trained agent and an environment of its own, ready to play evaluation episodes.
+// A trained agent, ready to play evaluation episodes.
 class EvaluationPlayer {
  public:
   // agent: the sections of the trained run's checkpoint; not read if the evaluation
-  // names no trained run. `model_threads` as for Model::SetThreads.
+  // names no trained run. `model_threads` as for Model::SetThreads. `episodes`: as many
+  // are played side by side.
   EvaluationPlayer(const Components& components, const RunSpec& spec,
-                   const CheckpointSections& agent, std::uint32_t model_threads);
+                   const CheckpointSections& agent, std::uint32_t model_threads,
+                   std::size_t episodes);
 
-  Agent* agent() { return agent_.get(); }
-  Environment* environment() { return environment_.get(); }
+  void Play(const EpisodeCourse& course) { players_->Play(course, env_step_); }
 
  private:
-  EnvironmentPtr environment_;
+  const std::uint64_t env_step_;
+  std::vector<EnvironmentPtr> environments_;  // of each episode
   EnvironmentPtr model_environment_;
   ModelPtr behaviour_;
   ModelPtr model_;
-  PlannerPtr planner_;
-  std::unique_ptr<Agent> agent_;
+  std::unique_ptr<JointModel> joint_;
+  std::unique_ptr<EpisodePlayers> players_;
 };
 
 // The trained run's checkpoint, checked against what the evaluation names; empty if
@@ -51,7 +56,7 @@ CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& c
 class Evaluation final : public Procedure {
  public:
   struct Options {
-    std::uint32_t threads = 1;      // episodes at once
+    std::uint32_t threads = 1;      // groups of episodes at once
     std::filesystem::path agent;    // the trained run's checkpoint; empty for none
     std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };

@@ -7,7 +7,6 @@
 #include <system_error>
 
 #include "byte_buffer.h"
-#include "episode.h"
 #include "error.h"
 #include "results/digest.h"
 #include "resumption.h"
@@ -34,13 +33,11 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       target_(spec.steps()),
       components_(spec_),
       environment_(components_.MakeEnvironment()),
-      evaluation_environment_(components_.MakeEnvironment()),
       model_environment_(components_.model().needs_environment ? components_.MakeEnvironment()
                                                                : nullptr),
-      model_(components_.MakeModel(environment_->spec(), options.threads,
-                                   model_environment_.get())),
+      model_(
+          components_.MakeModel(environment_->spec(), options.threads, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
-      evaluation_planner_(components_.MakeEvaluationPlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
       eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
@@ -61,16 +58,32 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   parts.run_seed = spec_.seed;
   agent_ = std::make_unique<Agent>(parts);
 
-  parts.environment = evaluation_environment_.get();
-  if (spec_.eval_planner.name() != kActorPlanner) {
-    parts.planner = evaluation_planner_.get();
-    parts.planner_name = spec_.eval_planner.name();
-    parts.metrics = components_.evaluation_planner().metrics.size;
-    search_evaluator_ = std::make_unique<Agent>(parts);
+  const std::uint64_t together =
+      std::min<std::uint64_t>(EpisodePlayers::kMost, spec_.run.Integer("eval_episodes"));
+  for (std::uint64_t i = 0; i < together; ++i) {
+    evaluation_environments_.push_back(components_.MakeEnvironment());
   }
-  parts.planner = nullptr;
-  parts.metrics = 0;
-  actor_evaluator_ = std::make_unique<Agent>(parts);
+  joint_model_ = std::make_unique<JointModel>(model_.get(), together);
+  const auto players = [&](bool search) {
+    EpisodePlayers::Parts evaluation;
+    evaluation.model = joint_model_.get();
+    evaluation.environments = &evaluation_environments_;
+    evaluation.agent.model_name = spec_.model.name();
+    evaluation.agent.model_needs_environment = components_.model().needs_environment;
+    evaluation.environment_name = spec_.environment.name();
+    evaluation.action_repeat = spec_.action_repeat();
+    evaluation.run_seed = spec_.seed;
+    if (search) {
+      for (std::uint64_t i = 0; i < together; ++i) {
+        evaluation.planners.push_back(components_.MakeEvaluationPlanner(*model_));
+      }
+      evaluation.agent.planner_name = spec_.eval_planner.name();
+      evaluation.agent.metrics = components_.evaluation_planner().metrics.size;
+    }
+    return std::make_unique<EpisodePlayers>(std::move(evaluation));
+  };
+  if (spec_.eval_planner.name() != kActorPlanner) search_players_ = players(true);
+  actor_players_ = players(false);
 
   const std::uint64_t episode_steps = environment_->spec().episode_steps;
   plan_us_.reserve(episode_steps);
@@ -143,6 +156,7 @@ void Experiment::Watch(const char* stage) {
   progress.env_step = at_.env_step;
   progress.training_return = at_.last_training_return;
   progress.evaluation_return = at_.last_evaluation_return;
+  if (at_.stage == Stage::kEvaluate) progress.decisions = joint_model_->seats();
   watcher_(progress);
 }
 
@@ -350,23 +364,39 @@ void Experiment::FinishUpdates() {
   RecordTimeUse();
 }
 
-bool Experiment::EvaluateEpisode(Agent* agent, std::uint64_t index, results::EpisodeRow* row) {
-  EvaluationEpisode episode;
-  episode.agent = agent;
-  episode.environment = evaluation_environment_.get();
-  episode.environment_name = spec_.environment.name();
-  episode.action_repeat = spec_.action_repeat();
-  episode.run_seed = spec_.seed;
-  episode.index = index;
-  episode.env_step = at_.env_step;
-  EpisodeHooks hooks;
-  hooks.go_on = [this](std::uint64_t) {
-    if (stop_->load(std::memory_order_relaxed)) return false;
+bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
+                              std::vector<results::EpisodeRow>* rows) {
+  const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
+  const std::size_t before = rows->size();
+  rows->resize(before + episodes);
+  std::uint64_t taken = 0, ended = 0;
+  EpisodeFaults faults;
+  EpisodeCourse course;
+  course.next = [&]() -> std::optional<std::uint64_t> {
+    if (taken == episodes || !faults.empty()) return std::nullopt;
+    return taken++;
+  };
+  course.go_on = [&](std::uint64_t index, std::uint64_t) {
+    if (stop_->load(std::memory_order_relaxed) || !faults.MayGoOn(index)) return false;
     Watch("evaluate");
     writer_->CommitIfDue();
     return true;
   };
-  return PlayEvaluationEpisode(episode, hooks, row);
+  course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) {
+    ++ended;
+    results::EpisodeRow& kept = (*rows)[before + index];
+    kept = row;
+    kept.phase = phase;
+    kept.episode = Signed(at_.evaluations * episodes + index);
+    kept.env_step = Signed(at_.env_step);
+  };
+  course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+    faults.Add(index, std::move(error));
+  };
+  players->Play(course, at_.env_step);
+  if (ended < faults.FirstOr(episodes) && stop_->load(std::memory_order_relaxed)) return false;
+  faults.RethrowFirst();
+  return true;
 }
 
 bool Experiment::Evaluate() {
@@ -375,24 +405,14 @@ bool Experiment::Evaluate() {
   double mean_return = 0;
   {
     const ActivityScope scope(&clock_, Activity::kEvaluation);
-    for (Agent* agent : {search_evaluator_.get(), actor_evaluator_.get()}) {
-      if (agent == nullptr) continue;
-      double sum = 0;
-      for (std::uint64_t i = 0; i < episodes; ++i) {
-        results::EpisodeRow row;
-        row.phase = agent == search_evaluator_.get() ? results::Phase::kSearchEvaluation
-                                                     : results::Phase::kActorEvaluation;
-        row.episode = Signed(at_.evaluations * episodes + i);
-        row.env_step = Signed(at_.env_step);
-        if (!EvaluateEpisode(agent, i, &row)) return false;
-        sum += row.episode_return;
-        rows.push_back(row);
-      }
-      // The run's own way of acting is what the progress line shows.
-      if (agent == search_evaluator_.get() || search_evaluator_ == nullptr) {
-        mean_return = sum / static_cast<double>(episodes);
-      }
+    if (search_players_ != nullptr &&
+        !EvaluateWith(search_players_.get(), results::Phase::kSearchEvaluation, &rows)) {
+      return false;
     }
+    if (!EvaluateWith(actor_players_.get(), results::Phase::kActorEvaluation, &rows)) return false;
+    // The run's own way of acting, which comes first, is what the progress line shows.
+    for (std::uint64_t i = 0; i < episodes; ++i) mean_return += rows[i].episode_return;
+    mean_return /= static_cast<double>(episodes);
   }
   {
     const ActivityScope scope(&clock_, Activity::kRecording);

@@ -26,6 +26,8 @@
 #include "checkpoint.h"
 #include "components.h"
 #include "decision_tree.h"
+#include "episode.h"
+#include "joint_model.h"
 #include "procedure.h"
 #include "replay.h"
 #include "results/run_writer.h"
@@ -108,7 +110,9 @@ class Experiment final : public Procedure {
   void FinishUpdates();
   // False if a stop was asked for: then nothing was recorded.
   bool Evaluate();
-  bool EvaluateEpisode(Agent* agent, std::uint64_t index, results::EpisodeRow* row);
+  // Adds the rows of an evaluation's episodes; false if a stop was asked for.
+  bool EvaluateWith(EpisodePlayers* players, results::Phase phase,
+                    std::vector<results::EpisodeRow>* rows);
   void KeepTree(const Decision& decision);
   void MaybeCheckpoint();
   void RecordTimeUse();
@@ -125,14 +129,14 @@ class Experiment final : public Procedure {
 
   Components components_;
   EnvironmentPtr environment_;
-  EnvironmentPtr evaluation_environment_;
+  std::vector<EnvironmentPtr> evaluation_environments_;
   EnvironmentPtr model_environment_;
   ModelPtr model_;
   PlannerPtr planner_;
-  PlannerPtr evaluation_planner_;
   std::unique_ptr<Agent> agent_;
-  std::unique_ptr<Agent> search_evaluator_;  // null if the evaluation planner is `dreamer`
-  std::unique_ptr<Agent> actor_evaluator_;
+  std::unique_ptr<JointModel> joint_model_;         // as the evaluations' episodes see it
+  std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is `dreamer`
+  std::unique_ptr<EpisodePlayers> actor_players_;
   Replay replay_;
   const std::uint64_t eval_every_;  // environment steps
 

@@ -471,27 +471,37 @@ po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
 po::options_description LimitFlags(ProcessOptions* process) {
   process->jobs = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   po::options_description flags("Where and within which limits");
-  flags.add_options()
-      ("db", po::value<std::string>()->value_name("FILE")->notifier(
-                 [process](const std::string& text) { process->db = text; }),
-       "results database (results/dreamsearch.db)")
-      ("plugin-path",
-       po::value(&process->plugin_path)->value_name("FOLDER")->composing(),
-       "search this folder for plugins first; then $DREAMSEARCH_PLUGIN_PATH, then the runner's "
-       "own")
-      ("jobs", Text("N", Named("jobs", [process](const std::string& text) {
-         process->jobs = static_cast<int>(ParseCount(text, 1, 10000));
-       })), "worker processes at once (the number of cores)")
-      ("time-limit", Text("TIME", Named("time-limit", [process](const std::string& text) {
-         process->time_limit_seconds = ParseSeconds(text);
-       })), "end a run after this time, in seconds or as 30m, 2h; 0: no limit (0)")
-      ("memory-limit", Text("SIZE", Named("memory-limit", [process](const std::string& text) {
-         process->memory_limit_bytes = ParseBytes(text);
-       })), "end a run that uses more memory, in bytes or as 512M, 4G; 0: no limit (0)")
-      ("hang-timeout", Text("TIME", Named("hang-timeout", [process](const std::string& text) {
-         process->hang_timeout_seconds = ParseSeconds(text);
-       })), "end a run that uses so much processor time, in seconds or as 5m, without a sign of "
-            "life; 0: never (60)");
+  flags.add_options()("db",
+                      po::value<std::string>()->value_name("FILE")->notifier(
+                          [process](const std::string& text) { process->db = text; }),
+                      "results database (results/dreamsearch.db)")(
+      "plugin-path", po::value(&process->plugin_path)->value_name("FOLDER")->composing(),
+      "search this folder for plugins first; then $DREAMSEARCH_PLUGIN_PATH, then the runner's "
+      "own")("jobs",
+             Text("N", Named("jobs",
+                             [process](const std::string& text) {
+                               process->jobs = static_cast<int>(ParseCount(text, 1, 10000));
+                             })),
+             "worker processes at once (the number of cores)")(
+      "time-limit",
+      Text("TIME", Named("time-limit",
+                         [process](const std::string& text) {
+                           process->time_limit_seconds = ParseSeconds(text);
+                         })),
+      "end a run after this time, in seconds or as 30m, 2h; 0: no limit (0)")(
+      "memory-limit",
+      Text("SIZE", Named("memory-limit",
+                         [process](const std::string& text) {
+                           process->memory_limit_bytes = ParseBytes(text);
+                         })),
+      "end a run that uses more memory, in bytes or as 512M, 4G; 0: no limit (0)")(
+      "hang-timeout",
+      Text("TIME", Named("hang-timeout",
+                         [process](const std::string& text) {
+                           process->hang_timeout_seconds = ParseSeconds(text);
+                         })),
+      "end a run that uses so much processor time, in seconds or as 5m, without a sign of "
+      "life; for each of the decisions that an evaluation makes side by side; 0: never (60)");
   return flags;
 }
 

@@ -7,6 +7,8 @@
 #include "activity_clock.h"
 #include "agent.h"
 #include "components.h"
+#include "episode.h"
+#include "joint_model.h"
 #include "question.h"
 #include "replay.h"
 #include "schedule.h"
@@ -30,8 +32,7 @@ double SecondsOf(double seconds, Piece piece) {
   return elapsed / count;
 }
 
-RunCosts MeasureCosts(const RunSpec& spec, const Components& components,
-                      Environment* environment) {
+RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environment* environment) {
   RunCosts costs;
   const EnvironmentSpec& figures = environment->spec();
   std::vector<double> observation(figures.observation_size);
@@ -58,27 +59,56 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components,
       components.model().needs_environment ? components.MakeEnvironment() : nullptr;
   const ModelPtr model = components.MakeModel(figures, 1, model_environment.get());
   const PlannerPtr planner = components.MakePlanner(*model);
-  const PlannerPtr evaluation_planner = components.MakeEvaluationPlanner(*model);
   Agent::Parts parts;
   parts.model = model.get();
   parts.model_name = spec.model.name();
+  parts.planner = planner.get();
+  parts.planner_name = spec.planner.name();
+  parts.metrics = components.planner().metrics.size;
   parts.environment = environment;
   parts.model_needs_environment = components.model().needs_environment;
-  const auto decision_seconds = [&](Planner* with, const ResolvedComponent& which,
-                                    std::size_t metrics, bool explore) {
-    parts.planner = with;
-    parts.planner_name = which.name();
-    parts.metrics = metrics;
-    Agent agent(parts);
-    agent.BeginEpisode(Phase::kTraining, 0);
-    return SecondsOf(0.3, [&] { agent.Decide(observed, explore, 0); });
+  Agent explorer(parts);
+  explorer.BeginEpisode(Phase::kTraining, 0);
+  costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
+
+  // Evaluations decide for several episodes side by side; here for as many of them as can
+  // be measured in moments (SecondsOf makes at least three pieces).
+  constexpr double kMoments = 20;
+  const double affordable = std::max(1.0, kMoments / (3 * costs.training_decision));
+  const auto together = static_cast<std::uint64_t>(
+      std::min({affordable, static_cast<double>(EpisodePlayers::kMost),
+                static_cast<double>(spec.run.Integer("eval_episodes"))}));
+  JointModel joint(model.get(), together);
+  const auto evaluation_decision = [&](bool search) {
+    std::vector<PlannerPtr> planners;
+    std::vector<std::unique_ptr<Agent>> agents;
+    parts.planner = nullptr;
+    parts.planner_name = spec.eval_planner.name();
+    parts.metrics = search ? components.evaluation_planner().metrics.size : 0;
+    for (std::size_t i = 0; i < joint.seats(); ++i) {
+      parts.model = joint.seat(i);
+      if (search) {
+        planners.push_back(components.MakeEvaluationPlanner(*model));
+        parts.planner = planners.back().get();
+      }
+      agents.push_back(std::make_unique<Agent>(parts));
+      agents.back()->BeginEpisode(Phase::kEvaluation, i);
+    }
+    EpisodeFaults faults;
+    const double seconds = SecondsOf(0.3, [&] {
+      joint.Run([&](std::size_t i) {
+        try {
+          agents[i]->Decide(observed, false, 0);
+        } catch (...) {
+          faults.Add(i, std::current_exception());
+        }
+      });
+      faults.RethrowFirst();
+    });
+    return seconds / static_cast<double>(agents.size());
   };
-  costs.training_decision = decision_seconds(planner.get(), spec.planner,
-                                             components.planner().metrics.size, true);
-  costs.search_evaluation_decision =
-      decision_seconds(evaluation_planner.get(), spec.eval_planner,
-                       components.evaluation_planner().metrics.size, false);
-  costs.actor_evaluation_decision = decision_seconds(nullptr, spec.planner, 0, false);
+  costs.search_evaluation_decision = evaluation_decision(true);
+  costs.actor_evaluation_decision = evaluation_decision(false);
 
   const std::uint64_t length = spec.run.Integer("sequence_length");
   Replay replay(figures.observation_size, figures.action_size, 2 * length + 2);
@@ -143,9 +173,12 @@ int ProbeMain() {
     if (depth == ProbeDepth::kComponents) MakeComponents(components, figures);
     if (depth == ProbeDepth::kCosts) {
       const RunCosts costs = MeasureCosts(spec, components, environment.get());
-      answer["costs"] = {costs.environment_step,           costs.training_decision,
-                         costs.search_evaluation_decision, costs.actor_evaluation_decision,
-                         costs.update,                     costs.checkpoint_bytes,
+      answer["costs"] = {costs.environment_step,
+                         costs.training_decision,
+                         costs.search_evaluation_decision,
+                         costs.actor_evaluation_decision,
+                         costs.update,
+                         costs.checkpoint_bytes,
                          costs.replay_row_bytes};
     }
     return answer;
@@ -204,19 +237,18 @@ RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
   const double evaluation_steps = evaluation_decisions * spec.action_repeat();
   const bool search = spec.eval_planner.name() != kActorPlanner;
   RunEstimate estimate;
-  estimate.seconds =
-      count(spec.steps()) * costs.environment_step +
-      count(schedule.planned_decisions()) * costs.training_decision +
-      count(schedule.updates()) * costs.update +
-      evaluation_decisions * costs.actor_evaluation_decision +
-      evaluation_steps * costs.environment_step +
-      (search ? evaluation_decisions * costs.search_evaluation_decision +
-                    evaluation_steps * costs.environment_step
-              : 0);
+  estimate.seconds = count(spec.steps()) * costs.environment_step +
+                     count(schedule.planned_decisions()) * costs.training_decision +
+                     count(schedule.updates()) * costs.update +
+                     evaluation_decisions * costs.actor_evaluation_decision +
+                     evaluation_steps * costs.environment_step +
+                     (search ? evaluation_decisions * costs.search_evaluation_decision +
+                                   evaluation_steps * costs.environment_step
+                             : 0);
   // Measured: about 50 bytes a decision row, 150 an episode or scalar row.
   const double episodes = count(schedule.training_episodes());
-  const double scalars = episodes * count(spec.planner.info->metrics.size() +
-                                          spec.model.info->metrics.size() + 6);
+  const double scalars =
+      episodes * count(spec.planner.info->metrics.size() + spec.model.info->metrics.size() + 6);
   estimate.database_bytes =
       50 * count(schedule.decisions()) +
       150 * (episodes + count(schedule.evaluations() * spec.run.Integer("eval_episodes") * 2)) +

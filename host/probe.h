@@ -16,7 +16,7 @@ namespace dreamsearch {
 struct RunCosts {
   double environment_step = 0;
   double training_decision = 0;  // posterior update and exploring search
-  double search_evaluation_decision = 0;
+  double search_evaluation_decision = 0;  // its share, beside the other episodes
   double actor_evaluation_decision = 0;
   double update = 0;
   double checkpoint_bytes = 0;  // without the replay

@@ -16,6 +16,7 @@ struct RunProgress {
   std::uint64_t env_step = 0;    // of RunSpec::work_steps
   double training_return = 0;    // of the last episode; NaN before it
   double evaluation_return = 0;  // mean of the last evaluation; NaN before it
+  std::uint64_t decisions = 1;   // made side by side until the next call
 };
 
 class Procedure {

@@ -22,6 +22,7 @@ std::string EncodeReport(const Report& report) {
       json["env_step"] = report.env_step;
       json["training_return"] = report.training_return;
       json["evaluation_return"] = report.evaluation_return;
+      json["decisions"] = report.decisions;
       break;
     case Report::Kind::kError:
       json["error"] = report.message;
@@ -49,6 +50,10 @@ std::optional<Report> DecodeReport(const std::string& line) {
     if (step != json.end() && step->is_number_unsigned()) report.env_step = step->get<std::uint64_t>();
     report.training_return = NumberOrNaN(json, "training_return");
     report.evaluation_return = NumberOrNaN(json, "evaluation_return");
+    const auto decisions = json.find("decisions");
+    if (decisions != json.end() && decisions->is_number_unsigned()) {
+      report.decisions = decisions->get<std::uint64_t>();
+    }
   } else if (const auto message = text("error")) {
     report.kind = Report::Kind::kError;
     report.message = *message;

@@ -17,6 +17,7 @@ struct Report {
   std::uint64_t env_step = 0;
   double training_return = 0;    // NaN when there is none yet
   double evaluation_return = 0;  // NaN when there is none yet
+  std::uint64_t decisions = 1;   // made side by side until the next report
   // kError
   std::string message;
   // kDone

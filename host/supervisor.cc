@@ -102,6 +102,7 @@ struct ActiveRun {
   std::string unread;
   double started = 0;
   double processor_at_report = 0;
+  std::uint64_t decisions = 1;  // side by side since then
   RateMeter rate;
   ProgressDisplay::Line line;
   std::string error;
@@ -138,7 +139,7 @@ class Sweep {
         std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
     for (SweepJob& job : jobs_) {
       // A training's model takes the cores that are free; of an evaluation, whose times
-      // count, --jobs is the number of episodes at once.
+      // count, --jobs is the number of groups of episodes at once.
       const std::size_t share =
           (job.work.spec.evaluation ? static_cast<std::size_t>(options.jobs) : cores) / at_once;
       job.work.threads = static_cast<std::uint32_t>(std::max<std::size_t>(1, share));
@@ -304,6 +305,7 @@ class Sweep {
     switch (report.kind) {
       case Report::Kind::kProgress:
         run->processor_at_report = ProcessorSeconds(run->pid);
+        run->decisions = report.decisions;
         run->line.stage = report.stage;
         run->line.env_step = report.env_step;
         run->line.training_return = report.training_return;
@@ -325,8 +327,10 @@ class Sweep {
     const double now = ActivityClock::Now();
     for (const auto& [index, run] : active_) {
       const bool asked = run->asked != ActiveRun::Asked::kNo;
+      const double patience = options_.hang_timeout_seconds *
+                              static_cast<double>(std::max<std::uint64_t>(run->decisions, 1));
       if (options_.hang_timeout_seconds > 0 &&
-          ProcessorSeconds(run->pid) - run->processor_at_report > options_.hang_timeout_seconds) {
+          ProcessorSeconds(run->pid) - run->processor_at_report > patience) {
         Kill(run.get(), ActiveRun::Killed::kHang);
       } else if (asked && now - run->asked_at > GraceSeconds()) {
         Kill(run.get(), ActiveRun::Killed::kOverdue);

@@ -186,6 +186,7 @@ int Work(const WorkerJob& job) {
           report.env_step = progress.env_step;
           report.training_return = progress.training_return;
           report.evaluation_return = progress.evaluation_return;
+          report.decisions = progress.decisions;
           Send(report);
         });
     const auto env_step = static_cast<std::int64_t>(procedure->env_step());

@@ -51,8 +51,8 @@ struct EpisodeRow {
                               //   those of the training it evaluates
   std::int64_t length = 0;    // environment steps
   double episode_return = 0;
-  double wall_seconds = 0;
-  double plan_us_mean = 0;  // microseconds a decision
+  double wall_seconds = 0;  // of an evaluation's episode its share: see README.md
+  double plan_us_mean = 0;  // microseconds a decision; of a share as well
   double plan_us_p95 = 0;
   std::int64_t model_transitions = 0;  // transitions its planning imagined
   std::uint64_t digest = 0;            // EpisodeDigest::state()

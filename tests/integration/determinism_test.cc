@@ -3,8 +3,12 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "program.h"
 
@@ -52,6 +56,36 @@ TEST_F(DeterminismTest, AnotherDatabaseAndOneJobGiveTheSameDigests) {
   const ProgramResult result = place_->Runner(Arguments("one.db", "1"));
   EXPECT_EQ(result.exit_status, 0) << result.err;
   EXPECT_EQ(place_->Value("one.db", kDigests), reference_);
+}
+
+TEST_F(DeterminismTest, InterruptedInMidEvaluationAndResumedGivesTheSameDigest) {
+  // The first evaluation, before any step: searches, five episodes side by side.
+  const auto arguments = [](const std::string& db) {
+    std::vector<std::string> all = TinyRun("walker_walk", "mcts_pw", db);
+    const std::pair<const char*, const char*> changes[] = {
+        {"run.eval_episodes=1", "run.eval_episodes=5"},
+        {"planner.simulations=6", "planner.simulations=30"},
+        {"4000", "2000"}};
+    for (const auto& [from, to] : changes) {
+      std::replace(all.begin(), all.end(), std::string(from), std::string(to));
+    }
+    return all;
+  };
+  ASSERT_EQ(place_->Runner(arguments("evaluated.db")).exit_status, 0);
+  const pid_t pid = place_->Start(arguments("unevaluated.db"));
+  for (int i = 0; i < 2000 && place_->Value("unevaluated.db", kOpenSegment).empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  ::kill(pid, SIGINT);
+  EXPECT_EQ(place_->Wait(pid).exit_status, 75);
+  EXPECT_EQ(place_->Value("unevaluated.db", "select count(*) from episode"), "0");
+  EXPECT_EQ(place_->Value("unevaluated.db", "select max(to_env_step) from segment"), "0");
+  const ProgramResult resumed = place_->Runner({"resume", "--db", "unevaluated.db"});
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
+  EXPECT_EQ(place_->Value("unevaluated.db", kDigests), place_->Value("evaluated.db", kDigests));
+  EXPECT_EQ(place_->Value("unevaluated.db", "select count(*) from episode where phase = 1"),
+            place_->Value("evaluated.db", "select count(*) from episode where phase = 1"));
 }
 
 TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {

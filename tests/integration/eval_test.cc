@@ -162,7 +162,7 @@ TEST_F(EvalTest, NeedsNoTrainingOnTheOracle) {
 TEST_F(EvalTest, InterruptedItGoesOnWithTheNextEpisode) {
   const std::vector<std::string> arguments = {
       "eval", "--env", "cartpole_swingup",     "--planner", "random_shooting",   "--episodes",
-      "6",    "--set", "planner.candidates=4", "--set",     "planner.horizon=2", "--jobs",
+      "80",   "--set", "planner.candidates=4", "--set",     "planner.horizon=2", "--jobs",
       "1"};
   const auto with = [&](const std::string& db) {
     std::vector<std::string> all = arguments;
@@ -179,7 +179,7 @@ TEST_F(EvalTest, InterruptedItGoesOnWithTheNextEpisode) {
   ::kill(pid, SIGINT);
   EXPECT_EQ(place_->Wait(pid).exit_status, 75);
   const int before = std::stoi(place_->Value("cut.db", "select count(*) from episode"));
-  EXPECT_LT(before, 6);
+  EXPECT_LT(before, 80);  // several groups that end together
   const ProgramResult resumed = place_->Runner(with("cut.db"));
   EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
   EXPECT_EQ(place_->Value("cut.db", "select result_digest from run"),

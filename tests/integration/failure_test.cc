@@ -5,6 +5,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -305,6 +306,26 @@ TEST(Claims, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
   const ProgramResult real = place.Runner(FaultyTraining("no_steps", "idle_model"));
   EXPECT_EQ(real.exit_status, 69) << real.err;
   EXPECT_TRUE(std::filesystem::is_empty(place.folder()));
+}
+
+// Eight decisions of 0.2 s each, without a sign of life between them.
+TEST(HangTest, EachOfTheDecisionsOfAnEvaluationHasTheTimeOfOne) {
+  const Workplace place;
+  std::vector<std::string> arguments =
+      FaultyTraining("good_environment", "idle_model", {"--hang-timeout", "1"});
+  const std::pair<const char*, const char*> changes[] = {
+      {"dreamer", "slow_planner"},
+      {"100", "20"},
+      {"run.action_repeat=1", "run.action_repeat=5"},
+      {"run.sequence_length=4", "run.sequence_length=2"},
+      {"run.eval_episodes=1", "run.eval_episodes=8"}};
+  for (const auto& [from, to] : changes) {
+    std::replace(arguments.begin(), arguments.end(), std::string(from), std::string(to));
+  }
+  const ProgramResult result = place.Runner(arguments);
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "finished");
+  EXPECT_EQ(place.Value("f.db", "select count(*) from episode where phase = 1"), "16");
 }
 
 TEST(Claims, OfAModelCostItsRunAlone) {

@@ -1,10 +1,12 @@
 // faulty.cc - components that fail on request, to test that the host contains it.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <limits>
 #include <stdexcept>
 
@@ -71,6 +73,28 @@ Status MakePlanner(const PlannerContext&, Planner** result) noexcept {
 
 Status MakeNull(const PlannerContext&, Planner** result) noexcept {
   *result = nullptr;
+  return OkStatus();
+}
+
+// Takes its time: 0.2 s of the processor's for every decision.
+class SlowPlanner final : public Planner {
+ public:
+  Status BeginEpisode(LatentModel*) noexcept override { return OkStatus(); }
+  Status Plan(const PlanRequest&, PlanResult* result) noexcept override {
+    for (double& entry : result->action) entry = 0;
+    result->value = 0;
+    const std::clock_t end = std::clock() + CLOCKS_PER_SEC / 5;
+    while (std::clock() < end) {
+    }
+    return OkStatus();
+  }
+  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
+  Status Load(ByteSource*) noexcept override { return OkStatus(); }
+  void Destroy() noexcept override { delete this; }
+};
+
+Status MakeSlow(const PlannerContext&, Planner** result) noexcept {
+  *result = new SlowPlanner;
   return OkStatus();
 }
 
@@ -253,6 +277,7 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("sleeping_planner", MakePlanner<Fault::kSleep>),
     FaultyPlannerDescriptor("segfault_at_stop_planner", MakePlanner<Fault::kSegfaultAtStop>),
     FaultyPlannerDescriptor("null_planner", MakeNull),
+    FaultyPlannerDescriptor("slow_planner", MakeSlow),
     FaultyModelDescriptor("nan_model", MakeModel<true>),
     FaultyModelDescriptor("wrong_size_model", MakeModel<false>),
     FaultyModelDescriptor("idle_model", MakeIdleModel<kLatentAlignment>),

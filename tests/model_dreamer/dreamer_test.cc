@@ -477,6 +477,44 @@ TEST(Dreamer, FindsNanInItsOwnLatents) {
             StatusCode::kNotFinite);
 }
 
+TEST(Dreamer, HasOneCriticAndSoNoSpread) {
+  const ModelPointer model = Make(Small());
+  LatentArray latents(*model, 3);
+  for (std::size_t i = 0; i < latents.floats().size(); ++i) {
+    latents.floats()[i] = 0.01f * static_cast<float>(i % 7);
+  }
+  std::vector<double> alone(3), values(3), deviations(3, -1), least(3, -1);
+  ASSERT_TRUE(model->Value(latents, {.values = {alone.data(), 3}}).ok());
+  ASSERT_TRUE(
+      model->Value(latents, {{values.data(), 3}, {deviations.data(), 3}, {least.data(), 3}}).ok());
+  EXPECT_EQ(values, alone);
+  EXPECT_EQ(least, alone);
+  EXPECT_EQ(deviations, std::vector<double>(3, 0));
+}
+
+// What a row draws follows from its own seed, wherever it stands.
+TEST(Dreamer, ARowDrawsFromItsOwnSeed) {
+  const ModelPointer model = Make(Small());
+  LatentArray latents(*model, 3);
+  ASSERT_TRUE(model->InitialLatent(latents).ok());
+  const auto samples = [&](std::vector<std::uint64_t> seeds) {
+    std::vector<double> actions(2 * seeds.size());
+    EXPECT_TRUE(model
+                    ->ProposeSamples(latents, {seeds.data(), seeds.size()},
+                                     {actions.data(), actions.size(), 1})
+                    .ok());
+    return actions;
+  };
+  const std::vector<double> a = samples({7, 8, 9}), b = samples({9, 8, 7});
+  // The latents are equal; the law of rows makes the bits so, the products here do.
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_NEAR(a[i], b[4 + i], 1e-6);
+    EXPECT_NEAR(a[2 + i], b[2 + i], 1e-6);
+    EXPECT_NEAR(a[4 + i], b[i], 1e-6);
+  }
+  EXPECT_GT(std::abs(a[0] - a[4]), 1e-3);
+}
+
 TEST(Dreamer, RefusesWrongSizes) {
   const ModelPointer model = Make(Small());
   LatentArray latents(*model, 2), next(*model, 2);

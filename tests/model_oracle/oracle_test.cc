@@ -368,6 +368,44 @@ TEST(Oracle, ABatchEqualsItsRows) {
   }
 }
 
+// The law of rows where nothing moves any more: such a row shows the behaviour nothing,
+// least of all what the simulator showed for the row before it.
+TEST(Oracle, ARowThatIsOverKeepsTheBehavioursLatentWhateverStandsBeforeIt) {
+  Counter environment;
+  Summing behaviour;
+  LoadedOracle oracle(&environment, {}, 1, &behaviour);
+  const double first = 1;
+  oracle.Observe(0, AsBytes({0, 1}), {&first, 1});
+  oracle.Observe(1, AsBytes({9, 1}), {&first, 1});  // one step from its end
+  oracle.Imagine(1, {0.5}, 2);                      // over
+  const std::vector<double> actions = {0.25, 0.5};
+  const std::uint64_t seeds[] = {1, 2};
+  double rewards[2], discounts[2];
+  std::memcpy(oracle.latent(3).data, oracle.latent(0).data, oracle->latent_bytes());
+  std::memcpy(oracle.latent(4).data, oracle.latent(2).data, oracle->latent_bytes());
+  ASSERT_TRUE(
+      oracle
+          ->Imagine(
+              {{oracle.latent(3).data, 2, oracle->latent_bytes()},
+               {actions.data(), 2, 1},
+               {seeds, 2}},
+              {{oracle.latent(10).data, 2, oracle->latent_bytes()}, {rewards, 2}, {discounts, 2}})
+          .ok());
+  EXPECT_EQ(rewards[1], 0);
+  EXPECT_EQ(discounts[1], 0);
+  EXPECT_EQ(std::memcmp(oracle.latent(11).data, oracle.latent(2).data, oracle->latent_bytes()), 0);
+  EXPECT_NE(std::memcmp(oracle.latent(10).data, oracle.latent(0).data, oracle->latent_bytes()), 0);
+}
+
+TEST(Oracle, PassesTheNumberOfThreadsToTheBehaviour) {
+  Counter environment;
+  Summing behaviour;
+  LoadedOracle oracle(&environment, {}, 1, &behaviour);
+  EXPECT_EQ(behaviour.threads, 1u);
+  oracle->SetThreads(3);
+  EXPECT_EQ(behaviour.threads, 3u);
+}
+
 TEST(Oracle, SaysWhatItCannotDo) {
   Counter environment;
   EXPECT_EQ(LoadedOracle(nullptr).status.code, StatusCode::kInvalidArgument);

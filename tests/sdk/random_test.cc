@@ -49,6 +49,14 @@ TEST(Random, BelowCoversItsRangeAndNoMore) {
   EXPECT_EQ(*seen.rbegin(), 6u);
 }
 
+TEST(FillSeeds, GivesRowITheStreamIWhateverTheNumberOfRows) {
+  std::uint64_t few[3], many[9];
+  FillSeeds(11, {few, 3});
+  FillSeeds(11, {many, 9});
+  for (std::uint64_t i = 0; i < 9; ++i) EXPECT_EQ(many[i], DeriveSeed(11, i));
+  for (std::uint64_t i = 0; i < 3; ++i) EXPECT_EQ(few[i], many[i]);
+}
+
 TEST(DeriveSeed, NeighbouringSeedsAndStreamsDiffer) {
   std::set<std::uint64_t> seen;
   for (std::uint64_t seed = 0; seed < 100; ++seed) {

@@ -10,7 +10,12 @@
 //          still to come, one reward per decision (after action repeat).
 // Memory   views belong to the caller and are valid only during the call. Plan
 //          allocates nothing once it has run for the first time.
-// Threads  one thread drives an instance at a time; instances share nothing.
+// Threads  one thread drives an instance at a time; instances share nothing. Plan is
+//          plain sequential code for one root, but a host that plans several roots lets
+//          their instances take turns: a call of the model may lay Plan aside while
+//          other instances plan on the same thread, each on a stack of its own (of
+//          8 MiB). So across a call of the model hold no lock, and keep nothing in
+//          thread-local variables.
 // Errors   every call returns a Status and lets no exception out.
 #pragma once
 

@@ -1,0 +1,63 @@
+// fiber.h - a function that can pause: it runs on a stack of its own.
+//
+// Memory   a stack of kStackBytes of address space, of which only what is touched takes
+//          memory, above a page that may not be touched: one that overflows is a
+//          segmentation fault, as on a thread's stack.
+// Threads  a fiber is resumed on the thread that started it. Thread-local state is that of
+//          the thread; what C++ keeps there of exceptions under way is a fiber's own.
+// Errors   RunnerError 70 if the system has no room for a stack.
+#pragma once
+
+#include <ucontext.h>
+
+#include <cstddef>
+
+namespace dreamsearch {
+
+class Fiber {
+ public:
+  static constexpr std::size_t kStackBytes = std::size_t{8} << 20;
+  using Body = void (*)(void* context) noexcept;
+
+  Fiber();
+  // What lives on the stack of one that has not ended is never destroyed.
+  ~Fiber();
+  Fiber(const Fiber&) = delete;
+  Fiber& operator=(const Fiber&) = delete;
+
+  // Runs body(context) until it pauses or ends. The fiber before has ended.
+  void Start(Body body, void* context);
+  // Goes on after Pause, until the next one or the end.
+  void Resume();
+  // Of the fiber that is running, on its own stack: back to whoever resumed it.
+  void Pause();
+
+  bool ended() const { return ended_; }
+
+ private:
+  // What the C++ runtime keeps of exceptions under way (Itanium C++ ABI, 2.2.2).
+  struct Exceptions {
+    void* caught = nullptr;
+    unsigned int uncaught = 0;
+  };
+
+  static void Enter(unsigned int low, unsigned int high);
+  void SwitchIn();
+  void SwitchOut(bool for_good);
+
+  std::byte* memory_ = nullptr;  // the forbidden page, then the stack
+  std::size_t page_ = 0;
+  ucontext_t own_{};
+  ucontext_t resumer_{};
+  Body body_ = nullptr;
+  void* context_ = nullptr;
+  bool ended_ = true;
+  Exceptions exceptions_;            // of the side that is not running
+  void* sanitizer_state_ = nullptr;  // of the side that is not running
+  const void* resumer_stack_ = nullptr;
+  std::size_t resumer_stack_bytes_ = 0;
+  void* sanitizer_fiber_ = nullptr;
+  void* sanitizer_resumer_ = nullptr;
+};
+
+}  // namespace dreamsearch
