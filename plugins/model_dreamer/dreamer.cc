@@ -316,14 +316,6 @@ Status Dreamer::Train(const TrainRequest& request, View<double> metrics) noexcep
   });
 }
 
-void Dreamer::SetThreads(std::uint32_t threads) noexcept {
-  try {
-    learner_.SetThreads(static_cast<Index>(threads));
-  } catch (const std::exception&) {
-    // The system gives no more: those there were go on.
-  }
-}
-
 Status Dreamer::Save(ByteSink* sink) const noexcept {
   return Guarded("Save", [&] { return learner_.Save(sink); });
 }

@@ -30,7 +30,7 @@ class Dreamer final : public Model {
   Status InitialLatent(Latents latents) noexcept override;
   Status Observe(const ObserveRequest& request, Latents latents) noexcept override;
   Status Train(const TrainRequest& request, View<double> metrics) noexcept override;
-  void SetThreads(std::uint32_t threads) noexcept override;
+  void SetThreads(std::uint32_t threads) noexcept override { learner_.SetThreads(threads); }
   Status Save(ByteSink* sink) const noexcept override;
   Status Load(ByteSource* source) noexcept override;
   Status Export(TensorSink* sink) const noexcept override;

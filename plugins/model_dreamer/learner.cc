@@ -97,7 +97,6 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
     : settings_(settings),
       o_(observation_size),
       a_(action_size),
-      threads_(std::make_unique<TaskThreads>(thread_count_)),
       world_(settings, observation_size, action_size),
       behaviour_(settings, action_size) {
   Rounding rounding;
@@ -114,12 +113,9 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
 }
 
 template <typename T>
-void Learner<T>::SetThreads(Index threads) {
+void Learner<T>::SetThreads(Index threads) noexcept {
   // No more than an update has tasks: the fit, two a lane, and two sums.
-  const Index count = std::clamp<Index>(threads, 1, 1 + 2 * kMaxLanes + 2);
-  if (count == thread_count_) return;
-  threads_ = std::make_unique<TaskThreads>(count);
-  thread_count_ = count;
+  threads_.Resize(std::min<Index>(threads, 1 + 2 * kMaxLanes + 2));
 }
 
 template <typename T>
@@ -233,7 +229,7 @@ template <typename T>
 void Learner<T>::Gradients(UpdateLosses* losses) {
   states_known_.Reset();
   const Index tasks = BeginDream(nullptr);
-  threads_->Run(1 + tasks, [&](Index task) {
+  threads_.Run(1 + tasks, [&](Index task) {
     if (task == 0) {
       FitGradients(losses);
     } else {
@@ -254,7 +250,7 @@ void Learner<T>::FitGradients(UpdateLosses* losses) {
 template <typename T>
 void Learner<T>::DreamGradients(UpdateLosses* losses, const DreamStops<T>* stops) {
   const Index tasks = BeginDream(stops);
-  threads_->Run(tasks, [&](Index task) { DreamTask(task, losses); });
+  threads_.Run(tasks, [&](Index task) { DreamTask(task, losses); });
   behaviour_.EndDream(&losses->dream);
 }
 
@@ -328,7 +324,7 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
     adam.rate2 = 1 / (1 - std::pow(adam.beta2, static_cast<double>(updates_)));
     ApplyAdam(adam, group.size(), group.gradient(), group.first(), group.second(), group.values());
   };
-  threads_->Run(2, [&](Index task) {
+  threads_.Run(2, [&](Index task) {
     if (task == 0) {
       step(world_.group(), settings_.model_learning_rate, losses.model_gradient_norm);
       world_.group().Pack();

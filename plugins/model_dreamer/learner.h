@@ -7,7 +7,6 @@
 // differenced.
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "dreamsearch/model.h"
@@ -40,9 +39,9 @@ class Learner {
   // Works with one thread until told otherwise.
   Learner(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
 
-  // From now on. Every result is the same for any number of threads. std::system_error if
-  // the system refuses one: then nothing has changed.
-  void SetThreads(Index threads);
+  // From now on; fewer if the system refuses one. Every result is the same for any number of
+  // threads.
+  void SetThreads(Index threads) noexcept;
 
   const Settings& settings() const { return settings_; }
   Index observation_size() const { return o_; }
@@ -91,8 +90,7 @@ class Learner {
 
   Settings settings_;
   Index o_, a_;
-  Index thread_count_ = 1;
-  std::unique_ptr<TaskThreads> threads_;
+  TaskThreads threads_{1};
   WorldModel<T> world_;
   Behaviour<T> behaviour_;
   std::uint64_t updates_ = 0;

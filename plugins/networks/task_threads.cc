@@ -26,33 +26,30 @@ void Progress::Await(Index mark) {
   }
 }
 
-TaskThreads::TaskThreads(Index threads) {
+void TaskThreads::Resize(Index threads) noexcept {
+  const auto wanted = static_cast<std::size_t>(std::max<Index>(threads, 1) - 1);
+  if (wanted == helpers_.size()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    helpers_wanted_ = wanted;
+  }
+  if (wanted < helpers_.size()) {
+    begun_.notify_all();
+    for (; helpers_.size() > wanted; helpers_.pop_back()) helpers_.back().join();
+    return;
+  }
   // Signals are for the thread that was there before.
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, &before);
-  std::exception_ptr error;
   try {
-    for (Index i = 1; i < threads; ++i) helpers_.emplace_back([this] { Help(); });
-  } catch (...) {
-    error = std::current_exception();
+    helpers_.reserve(wanted);
+    while (helpers_.size() < wanted) {
+      helpers_.emplace_back([this, helper = helpers_.size()] { Help(helper); });
+    }
+  } catch (const std::exception&) {  // no thread or no memory for one: fewer will do
   }
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  if (error) {
-    EndHelpers();
-    std::rethrow_exception(error);
-  }
-}
-
-TaskThreads::~TaskThreads() { EndHelpers(); }
-
-void TaskThreads::EndHelpers() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  begun_.notify_all();
-  for (std::thread& helper : helpers_) helper.join();
 }
 
 void TaskThreads::RunAll(Index count, Call call, void* context) {
@@ -61,7 +58,8 @@ void TaskThreads::RunAll(Index count, Call call, void* context) {
   context_ = context;
   next_ = 0;
   count_ = count;
-  begun_.notify_all();
+  // No more than there is work for.
+  for (Index i = 1; i < std::min(count, threads()); ++i) begun_.notify_one();
   Work(&lock);
   ended_.wait(lock, [this] { return running_ == 0; });
   const bool abandoned = std::exchange(abandoned_, false);
@@ -69,11 +67,11 @@ void TaskThreads::RunAll(Index count, Call call, void* context) {
   if (abandoned) throw std::logic_error("a task waited for one that an earlier run abandoned");
 }
 
-void TaskThreads::Help() {
+void TaskThreads::Help(std::size_t helper) {
   std::unique_lock lock(mutex_);
   while (true) {
-    begun_.wait(lock, [this] { return stop_ || next_ < count_; });
-    if (stop_) return;
+    begun_.wait(lock, [&] { return helper >= helpers_wanted_ || next_ < count_; });
+    if (helper >= helpers_wanted_) return;
     Work(&lock);
     if (running_ == 0) ended_.notify_one();
   }

@@ -3,9 +3,14 @@
 // Which thread runs a task is left to chance, so tasks that are to give the same
 // results for any number of threads write apart from each other, and whoever adds up
 // what they wrote does it in the order of their numbers.
+//
+// Who has nothing to do sleeps, at once: an update sleeps some five times, and a thread is
+// awake within 50 us, so that spinning could save less than 1% of the shortest updates and
+// would take a core from runs that can use it.
 #pragma once
 
 #include <condition_variable>
+#include <cstddef>
 #include <exception>
 #include <limits>
 #include <mutex>
@@ -62,12 +67,18 @@ class ReachAtEnd {
 
 class TaskThreads {
  public:
-  // `threads` in all: the one that calls Run and `threads` - 1 that sleep between runs.
-  // std::system_error if the system refuses one.
-  explicit TaskThreads(Index threads);
-  ~TaskThreads();
+  // As after Resize.
+  explicit TaskThreads(Index threads) { Resize(threads); }
+  ~TaskThreads() { Resize(1); }
   TaskThreads(const TaskThreads&) = delete;
   TaskThreads& operator=(const TaskThreads&) = delete;
+
+  // Goes on with `threads` in all: the one that calls Run and `threads` - 1 helpers, which
+  // sleep between runs and block all signals. With fewer where the system refuses one;
+  // less than 1 is 1. Not during a run. Allocates nothing and wakes nobody if there are
+  // as many already.
+  void Resize(Index threads) noexcept;
+  Index threads() const { return static_cast<Index>(helpers_.size()) + 1; }
 
   // task(i) for every i in [0, count), begun in this order; returns when all have ended.
   // Then throws what a task threw, if any did. A task may end by Progress::Abandoned if
@@ -83,8 +94,8 @@ class TaskThreads {
   using Call = void (*)(void* context, Index i);
 
   void RunAll(Index count, Call call, void* context);
-  void Help();
-  void EndHelpers();
+  // What the helper of this number does until it is no longer wanted.
+  void Help(std::size_t helper);
   // Takes tasks until none is left. `lock` holds mutex_, also afterwards.
   void Work(std::unique_lock<std::mutex>* lock);
 
@@ -95,8 +106,8 @@ class TaskThreads {
   Index next_ = 0;   // task to begin
   Index count_ = 0;  // tasks of this run
   Index running_ = 0;
-  bool stop_ = false;
-  bool abandoned_ = false;  // a task has ended so
+  std::size_t helpers_wanted_ = 0;  // those of greater numbers end
+  bool abandoned_ = false;          // a task has ended so
   std::exception_ptr error_;
   std::vector<std::thread> helpers_;
 };

@@ -200,73 +200,22 @@ TEST(Dreamer, AnyNumberOfThreadsGivesEqualBits) {
   }
 }
 
-TEST(TaskThreads, RunEveryTaskOnceAndThrowWhatOneThrew) {
-  for (const Index threads : {1, 2, 4}) {
-    TaskThreads pool(threads);
-    for (const Index count : {0, 1, 3, 100}) {
-      std::vector<int> calls(static_cast<std::size_t>(count));
-      pool.Run(count, [&](Index i) { ++calls[static_cast<std::size_t>(i)]; });
-      EXPECT_EQ(calls, std::vector<int>(static_cast<std::size_t>(count), 1));
-      if (count == 0) continue;
-      std::atomic<Index> ended{0};
-      EXPECT_THROW(pool.Run(count,
-                            [&](Index i) {
-                              ++ended;
-                              if (i == count / 2) throw std::runtime_error("task");
-                            }),
-                   std::runtime_error);
-      EXPECT_EQ(ended.load(), count) << "the others ran all the same";
+TEST(Dreamer, ThreadsThatComeAndGoBetweenUpdatesLeaveTheBitsOfOne) {
+  for (const char* precision : {"float", "bfloat16"}) {
+    Settings settings = Small();
+    settings.bfloat16 = std::string(precision) == "bfloat16";
+    settings.imagination_starts = 0;
+    settings.start_skip = 0;
+    const OwnedBatch batch = PointBatch(23, 10, 1);
+    const ModelPointer one = Make(settings), changing = Make(settings);
+    std::uint64_t update = 0;
+    for (const std::uint32_t threads : {1u, 2u, 1u, 3u, 9u, 2u, 2u, 100u, 1u, 4u}) {
+      changing->SetThreads(threads);
+      EXPECT_EQ(Train(changing.get(), batch, update), Train(one.get(), batch, update))
+          << precision << ", update " << update << " on " << threads << " threads";
+      ++update;
     }
-  }
-}
-
-TEST(TaskThreads, TasksWaitForWhatEarlierOnesWrite) {
-  constexpr Index kSteps = 1000;
-  for (const Index threads : {1, 2, 4}) {
-    TaskThreads pool(threads);
-    for (int repeat = 0; repeat < 20; ++repeat) {
-      Progress progress;
-      std::vector<Index> written(kSteps, -1), read(kSteps, -1);
-      pool.Run(3, [&](Index task) {
-        if (task == 0) {
-          const ReachAtEnd all(&progress, kSteps);
-          for (Index i = 0; i < kSteps; ++i) {
-            written[static_cast<std::size_t>(i)] = i;
-            progress.Reach(i + 1);
-          }
-          return;
-        }
-        for (Index i = task - 1; i < kSteps; i += 2) {
-          progress.Await(i + 1);
-          read[static_cast<std::size_t>(i)] = written[static_cast<std::size_t>(i)];
-        }
-      });
-      EXPECT_EQ(read, written);
-    }
-  }
-}
-
-TEST(TaskThreads, ATaskThatThrowsLeavesNobodyWaiting) {
-  for (const Index threads : {1, 2, 4}) {
-    TaskThreads pool(threads);
-    Progress progress;
-    std::atomic<Index> used{0};
-    const auto run = [&] {
-      pool.Run(4, [&](Index task) {
-        if (task == 0) {
-          const ReachAtEnd all(&progress);
-          throw std::runtime_error("the first");
-        }
-        progress.Await(1);
-        ++used;
-      });
-    };
-    EXPECT_THROW(run(), std::runtime_error);
-    EXPECT_EQ(used.load(), 0);
-    // What nobody threw in this run is not passed over either.
-    EXPECT_THROW(pool.Run(1, [&](Index) { progress.Await(1); }), std::logic_error);
-    pool.Run(1, [&](Index) { ++used; });
-    EXPECT_EQ(used.load(), 1);
+    EXPECT_EQ(SavedBytes(*changing), SavedBytes(*one)) << precision;
   }
 }
 
@@ -414,6 +363,7 @@ TEST(Dreamer, AllocatesNothingAfterWarmUp) {
       return ok;
     };
     const auto train = [&](std::uint64_t update) {
+      model->SetThreads(2);  // as many as it has
       return model->Train({batch.view(), update, update, 0}, {metrics.data(), metrics.size()}).ok();
     };
     ASSERT_TRUE(train(0) && call_everything(150, 1) && train(1) && call_everything(150, 2));
