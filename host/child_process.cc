@@ -52,7 +52,7 @@ pid_t StartChild(const ChildSpec& spec) {
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
 
-  // Duplicates above 3 first, so that no dup2 overwrites a source.
+  // Duplicates above 4 first, so that no dup2 overwrites a source.
   const auto lifted = [](int fd) {
     return Descriptor(fd < 0 ? ::open("/dev/null", O_RDWR | O_CLOEXEC)
                              : ::fcntl(fd, F_DUPFD_CLOEXEC, 10));
@@ -60,6 +60,7 @@ pid_t StartChild(const ChildSpec& spec) {
   const Descriptor input = lifted(spec.input);
   const Descriptor log = lifted(spec.log);
   const Descriptor report = lifted(spec.report);
+  const Descriptor threads = spec.threads < 0 ? Descriptor() : lifted(spec.threads);
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
@@ -67,6 +68,9 @@ pid_t StartChild(const ChildSpec& spec) {
   posix_spawn_file_actions_adddup2(&actions, log.get(), 1);
   posix_spawn_file_actions_adddup2(&actions, log.get(), 2);
   posix_spawn_file_actions_adddup2(&actions, report.get(), kReportDescriptor);
+  if (threads.get() >= 0) {
+    posix_spawn_file_actions_adddup2(&actions, threads.get(), kThreadsDescriptor);
+  }
 
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);

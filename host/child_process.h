@@ -49,11 +49,15 @@ Descriptor MemoryFile(const std::string& text);
 // What the child finds at descriptor 3: where it reports to its parent.
 inline constexpr int kReportDescriptor = 3;
 
+// And at descriptor 4, if it is a worker: its ThreadGrant.
+inline constexpr int kThreadsDescriptor = 4;
+
 struct ChildSpec {
   std::vector<std::string> arguments;  // after the program's name
   int input = -1;   // its standard input; -1: /dev/null
   int log = -1;     // its standard output and error; -1: /dev/null
   int report = -1;  // its kReportDescriptor
+  int threads = -1;  // its kThreadsDescriptor; -1: none
 };
 // Throws RunnerError 70 if the system cannot start it.
 pid_t StartChild(const ChildSpec& spec);

@@ -36,7 +36,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       model_environment_(components_.model().needs_environment ? components_.MakeEnvironment()
                                                                : nullptr),
       model_(
-          components_.MakeModel(environment_->spec(), options.threads, model_environment_.get())),
+          components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
@@ -115,6 +115,7 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
       }
       switch (at_.stage) {
         case Stage::kEvaluate:
+          AdjustThreads();
           Watch("evaluate");
           if (!Evaluate()) break;  // a stop was asked for
           at_.stage = at_.env_step >= target_ ? Stage::kDone : Stage::kEpisodeStart;
@@ -130,6 +131,7 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
           break;
         case Stage::kLearn:
           if (at_.pending_updates > 0) {
+            AdjustThreads();
             MakeUpdate();
             Watch("learn");
           } else {
@@ -157,6 +159,7 @@ void Experiment::Watch(const char* stage) {
   progress.training_return = at_.last_training_return;
   progress.evaluation_return = at_.last_evaluation_return;
   if (at_.stage == Stage::kEvaluate) progress.decisions = joint_model_->seats();
+  progress.threads = threads_;
   watcher_(progress);
 }
 
@@ -313,6 +316,14 @@ void Experiment::FinishEpisode() {
   at_.stage = Stage::kLearn;
   writer_->SetProgress(Signed(at_.env_step));
   writer_->Commit();
+}
+
+void Experiment::AdjustThreads() {
+  if (options_.threads == nullptr) return;
+  const std::uint32_t threads = std::max(1u, options_.threads->load(std::memory_order_relaxed));
+  if (threads == threads_) return;
+  model_->SetThreads(threads);
+  threads_ = threads;
 }
 
 void Experiment::MakeUpdate() {

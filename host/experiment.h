@@ -38,7 +38,9 @@ namespace dreamsearch {
 class Experiment final : public Procedure {
  public:
   struct Options {
-    std::uint32_t threads = 1;
+    // How many threads the model may use, looked at before every update and evaluation;
+    // null: one.
+    const std::atomic<std::uint32_t>* threads = nullptr;
     bool log_decisions = false;
     bool record_trees = false;  // keep the training decisions' search trees
     double segment_started = ActivityClock::Now();  // from when wall time is accounted
@@ -106,6 +108,7 @@ class Experiment final : public Procedure {
   void BeginEpisode();
   void MakeDecision();
   void FinishEpisode();
+  void AdjustThreads();
   void MakeUpdate();
   void FinishUpdates();
   // False if a stop was asked for: then nothing was recorded.
@@ -132,6 +135,7 @@ class Experiment final : public Procedure {
   std::vector<EnvironmentPtr> evaluation_environments_;
   EnvironmentPtr model_environment_;
   ModelPtr model_;
+  std::uint32_t threads_ = 1;  // that the model was told of
   PlannerPtr planner_;
   std::unique_ptr<Agent> agent_;
   std::unique_ptr<JointModel> joint_model_;         // as the evaluations' episodes see it

@@ -10,10 +10,11 @@
 #include <set>
 #include <sstream>
 #include <system_error>
-#include <thread>
 #include <utility>
 
 #include <nlohmann/json.hpp>
+
+#include "cores.h"
 
 namespace dreamsearch {
 namespace {
@@ -469,7 +470,7 @@ po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
 }
 
 po::options_description LimitFlags(ProcessOptions* process) {
-  process->jobs = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  process->jobs = static_cast<int>(AvailableCores().count);
   po::options_description flags("Where and within which limits");
   flags.add_options()("db",
                       po::value<std::string>()->value_name("FILE")->notifier(
@@ -482,7 +483,8 @@ po::options_description LimitFlags(ProcessOptions* process) {
                              [process](const std::string& text) {
                                process->jobs = static_cast<int>(ParseCount(text, 1, 10000));
                              })),
-             "worker processes at once (the number of cores)")(
+             "worker processes at once (the number of cores); a run learns on the cores that no "
+             "other run needs, with the same results")(
       "time-limit",
       Text("TIME", Named("time-limit",
                          [process](const std::string& text) {

@@ -17,6 +17,7 @@ struct RunProgress {
   double training_return = 0;    // of the last episode; NaN before it
   double evaluation_return = 0;  // mean of the last evaluation; NaN before it
   std::uint64_t decisions = 1;   // made side by side until the next call
+  std::uint32_t threads = 1;     // that the model may use
 };
 
 class Procedure {

@@ -108,6 +108,7 @@ std::string ProgressDisplay::Format(const Line& line) const {
             FormatDuration(static_cast<double>(line.env_steps_target - line.env_step) / line.rate) +
             " left";
   }
+  if (line.threads > 1) text += "  " + Counted(line.threads, "thread");
   return text + "  (" + line.stage + ")";
 }
 

@@ -52,6 +52,7 @@ class ProgressDisplay {
     double rate = 0;               // environment steps per second; 0: unknown
     double training_return = 0;    // NaN: none yet
     double evaluation_return = 0;  // NaN: none yet
+    std::uint32_t threads = 1;     // that it may use
   };
 
   // The active runs, and a line about the whole sweep.

@@ -19,12 +19,13 @@
 #include <map>
 #include <memory>
 #include <sstream>
-#include <thread>
 
 #include "activity_clock.h"
 #include "child_process.h"
+#include "cores.h"
 #include "progress.h"
 #include "report.h"
+#include "thread_grant.h"
 
 namespace dreamsearch {
 namespace {
@@ -34,6 +35,9 @@ constexpr double kGraceSeconds = 60;
 
 // How often it is tried again to record what could not be.
 constexpr double kRecordAgainSeconds = 1;
+
+// How soon a run takes a core that another command's run has left, or gives it back.
+constexpr double kShareAgainSeconds = 0.25;
 
 // So much of a log is searched for its last line.
 constexpr std::streamoff kLogEndBytes = 64 << 10;
@@ -99,6 +103,8 @@ struct ActiveRun {
   pid_t pid = -1;
   std::int64_t after_segment = -1;  // the run's last one when it was started
   Descriptor reports;
+  std::unique_ptr<ThreadGrant> grant;
+  std::vector<std::size_t> places;  // among the runs that share the cores
   std::string unread;
   double started = 0;
   double processor_at_report = 0;
@@ -134,15 +140,14 @@ class Sweep {
       const std::optional<results::RunInfo> run = database_->GetRun(job.work.run_id);
       planned_after_.push_back(run ? run->last_segment : -1);
     }
-    const auto cores = std::max<std::size_t>(1, std::thread::hardware_concurrency());
+    // Of an evaluation, whose times count, --jobs is the number of threads, the same to its end.
     const std::size_t at_once =
         std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
     for (SweepJob& job : jobs_) {
-      // A training's model takes the cores that are free; of an evaluation, whose times
-      // count, --jobs is the number of groups of episodes at once.
-      const std::size_t share =
-          (job.work.spec.evaluation ? static_cast<std::size_t>(options.jobs) : cores) / at_once;
-      job.work.threads = static_cast<std::uint32_t>(std::max<std::size_t>(1, share));
+      if (!job.work.spec.evaluation) continue;
+      job.work.evaluation_threads = static_cast<std::uint32_t>(
+          std::clamp<std::size_t>(static_cast<std::size_t>(options.jobs) / at_once, 1,
+                                  job.work.spec.run.Integer("eval_episodes")));
     }
   }
 
@@ -165,6 +170,7 @@ class Sweep {
              active_.size() < static_cast<std::size_t>(options_.jobs)) {
         Start(next_++);
       }
+      ShareCores();
       Wait();
       WatchLimits();
       Reap();
@@ -240,11 +246,14 @@ class Sweep {
       }
       Pipe pipe = MakePipe();
       const Descriptor input = MemoryFile(EncodeJob(job.work));
+      run->grant = std::make_unique<ThreadGrant>();
+      const Descriptor threads = run->grant->TakeDescriptor();
       ChildSpec child;
       child.arguments = {"worker"};
       child.input = input.get();
       child.log = log.get();
       child.report = pipe.write.get();
+      child.threads = threads.get();
       run->pid = StartChild(child);
       run->reports = std::move(pipe.read);
     } catch (const RunnerError& error) {
@@ -255,6 +264,10 @@ class Sweep {
                 std::string("cannot be started: ") + error.what());
       return;
     }
+    for (std::uint32_t i = 0; i < job.work.evaluation_threads; ++i) {
+      run->places.push_back(sharing_.Enter());
+    }
+    shared_ = false;
     run->started = ActivityClock::Now();
     run->line.label = job.label;
     run->line.stage = "starting";
@@ -265,6 +278,21 @@ class Sweep {
     run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
     display_.Say("started " + job.label);
     active_[index] = std::move(run);
+  }
+
+  // Gives the runs the cores that no run of ours or of another command needs.
+  void ShareCores() {
+    const double now = ActivityClock::Now();
+    if (shared_ && now - shared_at_ < kShareAgainSeconds) return;
+    const std::map<std::size_t, std::uint32_t> threads = sharing_.Threads();
+    for (const auto& [index, run] : active_) {
+      const WorkerJob& work = jobs_[index].work;
+      run->line.threads =
+          work.spec.evaluation ? work.evaluation_threads : threads.at(run->places.front());
+      run->grant->Set(run->line.threads);
+    }
+    shared_ = true;
+    shared_at_ = now;
   }
 
   // Sleeps until a report arrives, a child ends or a moment has passed.
@@ -368,6 +396,8 @@ class Sweep {
       const pid_t ended = ::waitpid(it->second->pid, &status, WNOHANG);
       if (ended == it->second->pid) {
         Read(it->second.get());
+        for (const std::size_t place : it->second->places) sharing_.Leave(place);
+        shared_ = false;
         Finish(it->second.get(), status);
         it = active_.erase(it);
       } else {
@@ -548,6 +578,9 @@ class Sweep {
   double tried_to_record_ = 0;
   SweepResult result_;
   ProgressDisplay display_;
+  CoreSharing sharing_;
+  bool shared_ = false;  // since a run began or ended
+  double shared_at_ = 0;
   bool stopping_ = false;
   bool stopped_at_once_ = false;
   double started_ = 0;

@@ -1,6 +1,7 @@
 #include "worker.h"
 
 #include <fcntl.h>
+#include <malloc.h>
 #include <signal.h>
 #include <sys/file.h>
 #include <sys/prctl.h>
@@ -26,6 +27,7 @@
 #include "results/database.h"
 #include "results/run_writer.h"
 #include "resumption.h"
+#include "thread_grant.h"
 
 namespace dreamsearch {
 namespace {
@@ -114,27 +116,31 @@ void CheckPluginFiles(const RunSpec& spec) {
 void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
 
 std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
-                                         double segment_started, results::RunWriter* writer) {
+                                         double segment_started, const ThreadGrant& grant,
+                                         results::RunWriter* writer) {
   if (job.spec.evaluation) {
     Evaluation::Options options;
-    options.threads = job.threads;
+    options.threads = job.evaluation_threads;
     options.agent = job.agent_checkpoint;
     options.checkpoint_header = CheckpointHeader(job.spec, uuid);
     return std::make_unique<Evaluation>(job.spec, options, writer, job.folder);
   }
   Experiment::Options options;
   options.segment_started = segment_started;
-  options.threads = job.threads;
+  options.threads = &grant.threads();
   options.log_decisions = job.log_decisions;
   options.record_trees = job.record_trees;
   options.checkpoint_header = CheckpointHeader(job.spec, uuid);
   return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
 }
 
-int Work(const WorkerJob& job) {
+int Work(const WorkerJob& job, const ThreadGrant& grant) {
   if (job.memory_limit_bytes != 0) {
     const rlimit limit{job.memory_limit_bytes, job.memory_limit_bytes};
     ::setrlimit(RLIMIT_AS, &limit);
+    // A heap of its own reserves 64 MiB for every thread that learning takes on; what a run may
+    // need must not hang on what runs beside it.
+    ::mallopt(M_ARENA_MAX, 1);
   }
   const Descriptor lock = LockRun(job.folder);
   CheckPluginFiles(job.spec);
@@ -161,7 +167,7 @@ int Work(const WorkerJob& job) {
   std::unique_ptr<Procedure> procedure;
   bool ready = false;  // until then the run stands where the segment begins
   try {
-    procedure = MakeProcedure(job, run->uuid, segment_started, &writer);
+    procedure = MakeProcedure(job, run->uuid, segment_started, grant, &writer);
     if (loaded) {
       for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
         writer.AddEvent(point.env_step, "warning",
@@ -176,8 +182,14 @@ int Work(const WorkerJob& job) {
     }
     ready = true;
     double last_report = 0;
+    std::uint32_t threads = 1;
     const Procedure::Outcome outcome =
         procedure->Run(&stop_requested, [&](const RunProgress& progress) {
+          if (progress.threads != threads) {
+            threads = progress.threads;
+            std::cerr << "threads: " << threads << " from environment step " << progress.env_step
+                      << "\n";
+          }
           const double now = ActivityClock::Now();
           if (now - last_report < 0.2) return;
           last_report = now;
@@ -220,7 +232,7 @@ std::string EncodeJob(const WorkerJob& job) {
   json["run_id"] = job.run_id;
   json["folder"] = job.folder.string();
   json["agent_checkpoint"] = job.agent_checkpoint.string();
-  json["threads"] = job.threads;
+  json["evaluation_threads"] = job.evaluation_threads;
   json["memory_limit_bytes"] = job.memory_limit_bytes;
   json["log_decisions"] = job.log_decisions;
   json["record_trees"] = job.record_trees;
@@ -237,7 +249,7 @@ WorkerJob DecodeJob(const std::string& text) {
     job.run_id = json.at("run_id");
     job.folder = json.at("folder").get<std::string>();
     job.agent_checkpoint = json.at("agent_checkpoint").get<std::string>();
-    job.threads = json.at("threads");
+    job.evaluation_threads = json.at("evaluation_threads");
     job.memory_limit_bytes = json.at("memory_limit_bytes");
     job.log_decisions = json.at("log_decisions");
     job.record_trees = json.at("record_trees");
@@ -263,7 +275,8 @@ int WorkerMain() {
     return status;
   };
   try {
-    return Work(DecodeJob(ReadAll(0)));
+    const WorkerJob job = DecodeJob(ReadAll(0));
+    return Work(job, ThreadGrant(kThreadsDescriptor));
   } catch (const RunnerError& error) {
     return fail(error.exit_status(), error.what());
   } catch (const results::Error& error) {

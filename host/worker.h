@@ -2,7 +2,8 @@
 //
 // A worker is started by the supervisor with a WorkerJob on its standard input.
 // It alone loads plugins, writes the run's rows and holds the run's lock. Its
-// standard output and error are the run's log; reports go to descriptor 3.
+// standard output and error are the run's log; reports go to descriptor 3, the
+// number of threads it may use is in memory behind descriptor 4.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +21,7 @@ struct WorkerJob {
   std::filesystem::path folder;  // the run's: checkpoints, log, dumps
   // Of an evaluation of a trained run: that run's checkpoint.
   std::filesystem::path agent_checkpoint;
-  std::uint32_t threads = 1;
+  std::uint32_t evaluation_threads = 1;  // on which an evaluation plays its episodes
   std::uint64_t memory_limit_bytes = 0;  // 0: none
   bool log_decisions = false;
   bool record_trees = false;

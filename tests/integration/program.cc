@@ -32,6 +32,8 @@ pid_t Workplace::Start(const std::vector<std::string>& arguments) const {
   const pid_t pid = ::fork();
   if (pid != 0) return pid;
   if (::chdir(folder_.c_str()) != 0) ::_exit(120);
+  // No run of another test, or of another person, shares its cores with these.
+  ::setenv("TMPDIR", folder_.c_str(), 1);
   const std::string suffix = "." + std::to_string(::getpid());
   ::dup2(::open("/dev/null", O_RDONLY), 0);
   ::dup2(::open(("out" + suffix).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 1);
