@@ -7,55 +7,15 @@
 // the current folder.
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <boost/program_options.hpp>
 
 #include "error.h"
+#include "run_options.h"
 
 namespace dreamsearch {
-
-// One `--set key=value`, and where it was written.
-struct Setting {
-  std::string key;
-  std::string value;
-  bool from_file = false;
-  std::string where;  // "runner: --set", "/path/x.cfg, line 3": begins a message
-};
-
-// What every command that runs experiments understands.
-struct ProcessOptions {
-  std::filesystem::path db = "results/dreamsearch.db";
-  std::vector<std::string> plugin_path;
-  int jobs = 1;                       // default: the number of cores
-  double time_limit_seconds = 0;      // 0: none
-  std::uint64_t memory_limit_bytes = 0;  // 0: none
-  double hang_timeout_seconds = 60;
-  bool retry = false;
-  bool replace = false;
-  bool log_decisions = false;
-  bool record_trees = false;
-  bool dry_run = false;
-};
-
-struct Options {
-  bool help = false;     // then nothing else was checked
-  bool version = false;  // likewise
-  std::vector<std::string> environments;
-  std::vector<std::string> planners;
-  std::vector<std::string> models;
-  std::string eval_planner;           // empty: the run's own
-  std::vector<std::uint64_t> seeds;   // each once, in the order given
-  std::string study = "default";
-  std::string preset = "fast";
-  std::vector<Setting> settings;      // the file's first; --steps is run.steps
-  std::string config;                 // the file, empty if none
-  bool evaluate = false;              // of `runner eval`: nothing is trained
-  ProcessOptions process;
-};
 
 // The command line of `runner eval`.
 struct EvaluationOptions {

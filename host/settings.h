@@ -17,7 +17,7 @@
 
 #include "dreamsearch/parameter.h"
 #include "catalogue.h"
-#include "options.h"
+#include "run_options.h"
 
 namespace dreamsearch {
 

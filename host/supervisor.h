@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "error.h"
-#include "options.h"
 #include "results/database.h"
+#include "run_options.h"
 #include "worker.h"
 
 namespace dreamsearch {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "error.h"
-#include "options.h"
 #include "probe.h"
 #include "results/database.h"
+#include "run_options.h"
 #include "settings.h"
 #include "supervisor.h"
 
