@@ -23,6 +23,7 @@
 #include <nlohmann/json.hpp>
 
 #include "plugin_loader.h"
+#include "results/json_text.h"
 
 extern char** environ;
 
@@ -278,7 +279,7 @@ Description Describe(const std::string& file, const ScanOptions& options) {
                       std::to_string(WEXITSTATUS(child.wait_status)) + ")" + said);
   }
   try {
-    const Json json = Json::parse(child.description);
+    const Json json = results::ParseJson(child.description);
     if (json.contains("refused")) {
       return refuse(static_cast<ExitCode>(json.at("refused").at("code").get<int>()),
                     json.at("refused").at("message").get<std::string>());
@@ -641,8 +642,7 @@ int DescribePluginMain(const std::string& file) {
   // Should the parent be killed, a library that hangs ends with it.
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   LimitResources();
-  std::string text =
-      DescribePlugin(file).dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string text = results::JsonTextReplacing(DescribePlugin(file));
   text += kDoneToken;
   const bool written = WriteAll(kDescribeDescriptor, text);
   // Without exit handlers: the library's own might crash.

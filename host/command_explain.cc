@@ -14,6 +14,7 @@
 #include "options.h"
 #include "progress.h"
 #include "question.h"
+#include "results/json_text.h"
 #include "results/table.h"
 #include "schedule.h"
 #include "sweep.h"
@@ -102,7 +103,7 @@ nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& 
                                             " has the trees of " + std::to_string(trees.size()) +
                                             " decisions from 0, found " + std::to_string(decision));
   }
-  return nlohmann::json::parse(found->second);
+  return results::ParseJson(found->second);
 }
 
 std::string Number(double value) {
@@ -235,7 +236,7 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   out = OutputPath(out, "run" + std::to_string(subject.info.run_id) +
                             (training ? "_training" : "") + "_episode" + std::to_string(episode) +
                             "_decision" + std::to_string(decision));
-  results::WriteFile(out + ".json", tree.dump() + "\n");
+  results::WriteFile(out + ".json", results::JsonText(tree) + "\n");
   results::WriteFile(out + ".html", TreePage(tree));
   PrintRoot(tree);
   std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()

@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "results/json_text.h"
+
 // The assembler reads the page; its path comes from CMake.
 asm(".section .rodata\n"
     ".global dreamsearch_explain_page_begin\n.global dreamsearch_explain_page_end\n"
@@ -98,7 +100,7 @@ std::string TreePage(const nlohmann::json& tree) {
   std::string page(dreamsearch_explain_page_begin, dreamsearch_explain_page_end);
   constexpr std::string_view kMark = "@TREE_JSON@";
   std::string text;
-  for (const char c : tree.dump()) {
+  for (const char c : results::JsonText(tree)) {
     if (c == '<') {
       text += "\\u003c";  // so that nothing in it ends the script element
     } else {

@@ -9,6 +9,7 @@
 #include "byte_buffer.h"
 #include "error.h"
 #include "results/digest.h"
+#include "results/json_text.h"
 #include "resumption.h"
 #include "schedule.h"
 
@@ -267,7 +268,7 @@ void Experiment::KeepTree(const Decision& decision) {
   nlohmann::json json = TreeJson(tree_, agent_->action(), decision, agent_->metrics(),
                                  components_.planner().metrics);
   json["env_step"] = at_.env_step;
-  trees_[TreeSection(episode_.t)] = json.dump();
+  trees_[TreeSection(episode_.t)] = results::JsonText(json);
 }
 
 void Experiment::FinishEpisode() {

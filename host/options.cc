@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cores.h"
+#include "results/json_text.h"
 
 namespace dreamsearch {
 namespace {
@@ -114,7 +115,7 @@ std::vector<std::uint64_t> ParseSeedList(const std::string& text) {
 // The name goes into JSON and the database.
 bool IsUtf8(const std::string& text) {
   try {
-    static_cast<void>(nlohmann::json(text).dump());
+    static_cast<void>(results::JsonText(nlohmann::json(text)));
     return true;
   } catch (const nlohmann::json::type_error&) {
     return false;

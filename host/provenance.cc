@@ -15,6 +15,7 @@
 #include "dreamsearch/version.h"
 #include "dreamsearch_build_info.h"
 #include "error.h"
+#include "results/json_text.h"
 
 namespace dreamsearch {
 
@@ -43,7 +44,7 @@ results::BuildInfo ThisBuild() {
   build.compiler = "g++ " __VERSION__;
   build.flags = DREAMSEARCH_BUILD_FLAGS;
   build.instruction_set = InstructionSetInUse();
-  build.libraries = nlohmann::json{{"boost", BOOST_LIB_VERSION}}.dump();
+  build.libraries = results::JsonText(nlohmann::json{{"boost", BOOST_LIB_VERSION}});
   return build;
 }
 

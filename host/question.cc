@@ -15,12 +15,13 @@
 #include "child_process.h"
 #include "error.h"
 #include "results/error.h"
+#include "results/json_text.h"
 
 namespace dreamsearch {
 
 nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
   Pipe pipe = MakePipe();
-  const Descriptor input = MemoryFile(content.dump());
+  const Descriptor input = MemoryFile(results::JsonText(content));
   ChildSpec child;
   child.arguments = {question.command};
   child.input = input.get();
@@ -57,7 +58,7 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
                       "the components of " + question.who + " did not answer within " +
                           std::to_string(static_cast<int>(question.timeout_seconds)) + " s");
   }
-  nlohmann::json answer = nlohmann::json::parse(text, nullptr, false);
+  nlohmann::json answer = results::ParseJsonOrDiscard(text);
   if (answer.is_object() && answer.contains("error")) {
     throw RunnerError(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
                       answer["error"].get<std::string>());
@@ -80,7 +81,7 @@ int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answe
     status = code;
   };
   try {
-    text = answer(nlohmann::json::parse(ReadAll(0)));
+    text = answer(results::ParseJson(ReadAll(0)));
   } catch (const RunnerError& error) {
     fail(error.what(), error.exit_status());
   } catch (const results::Error& error) {
@@ -91,8 +92,7 @@ int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answe
   } catch (const std::bad_alloc&) {
     fail("out of memory", static_cast<int>(ExitCode::kInternal));
   }
-  WriteAll(kReportDescriptor,
-           text.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  WriteAll(kReportDescriptor, results::JsonTextReplacing(text) + "\n");
   return status;
 }
 

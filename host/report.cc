@@ -3,6 +3,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "results/json_text.h"
+
 namespace dreamsearch {
 namespace {
 
@@ -31,11 +33,11 @@ std::string EncodeReport(const Report& report) {
       json["done"] = report.result_digest;
       break;
   }
-  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return results::JsonTextReplacing(json) + "\n";
 }
 
 std::optional<Report> DecodeReport(const std::string& line) {
-  const nlohmann::json json = nlohmann::json::parse(line, nullptr, false);
+  const nlohmann::json json = results::ParseJsonOrDiscard(line);
   if (!json.is_object()) return std::nullopt;
   const auto text = [&](const char* key) -> std::optional<std::string> {
     const auto found = json.find(key);

@@ -52,7 +52,7 @@ std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid) {
     header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
   }
   header["instruction_set"] = InstructionSetInUse();
-  return header.dump();
+  return results::JsonText(header);
 }
 
 void AddRowSums(const results::RunWriter& writer, CheckpointSections* sections) {
@@ -66,8 +66,7 @@ bool HasRowSums(const CheckpointSections& sections) { return sections.count(kRow
 std::string WhyUnfit(results::Database* database, const results::RunInfo& run, const RunSpec& spec,
                      const CheckpointSections& sections) {
   const auto found = sections.find("header");
-  const nlohmann::json header = nlohmann::json::parse(
-      found != sections.end() ? found->second : std::string(), nullptr, false);
+  const nlohmann::json header = results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
   const auto uuid = header.is_object() ? header.find("run") : header.end();
   if (uuid == header.end() || !uuid->is_string()) return "does not say of which run it is";
   if (*uuid != run.uuid) {

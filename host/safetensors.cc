@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "results/json_text.h"
 #include "results/table.h"
 
 namespace dreamsearch {
@@ -54,7 +55,7 @@ std::uint64_t WriteSafetensors(const std::filesystem::path& path,
     header[tensor.name] = {
         {"dtype", "F32"}, {"shape", tensor.shape}, {"data_offsets", {begin, end}}};
   }
-  std::string text = header.dump();
+  std::string text = results::JsonText(header);
   while ((sizeof(std::uint64_t) + text.size()) % kDataAlignment != 0) text += ' ';
   const std::uint64_t length = text.size();
   std::string bytes(reinterpret_cast<const char*>(&length), sizeof length);

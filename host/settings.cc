@@ -12,6 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "results/json_text.h"
 #include "run_parameters.h"
 
 namespace dreamsearch {
@@ -528,7 +529,7 @@ std::string CanonicalJson(const RunSpec& spec) {
   if (!spec.evaluation) {
     json["eval_planner"] = CanonicalComponent(spec.eval_planner);
     json["run"] = CanonicalValues(spec.run);
-    return json.dump();
+    return results::JsonText(json);
   }
   json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},
                  {"eval_episodes", spec.run.Integer("eval_episodes")}};
@@ -537,7 +538,7 @@ std::string CanonicalJson(const RunSpec& spec) {
   if (spec.evaluation->behaviour) {
     json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
   }
-  return json.dump();
+  return results::JsonText(json);
 }
 
 std::string ConfigurationSha256(const RunSpec& spec) { return Sha256(CanonicalJson(spec)); }

@@ -9,6 +9,7 @@
 #include "catalogue.h"
 #include "checkpoint.h"
 #include "provenance.h"
+#include "results/json_text.h"
 #include "resumption.h"
 #include "whole_file.h"
 
@@ -24,7 +25,7 @@ constexpr char kRecordTrees[] = "record_trees";
 nlohmann::json ReadSpec(const std::filesystem::path& folder) {
   std::ifstream file(folder / kSpecFile);
   const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  return nlohmann::json::parse(text, nullptr, false);
+  return results::ParseJsonOrDiscard(text);
 }
 
 // A member if it is there and of that type.
@@ -110,7 +111,7 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
         database, run, spec, folder, replace ? CheckpointPart::kWhole : CheckpointPart::kOutline);
     if (!resumption.checkpoint) return std::nullopt;
     const nlohmann::json header =
-        nlohmann::json::parse(resumption.checkpoint->sections.at("header"));
+        results::ParseJson(resumption.checkpoint->sections.at("header"));
     if (!recorded) {
       const std::string changed =
           ChangedPlugin(header.value("plugins", nlohmann::json::object()), spec);
@@ -190,7 +191,7 @@ void WriteSpec(const WorkerJob& work) {
   nlohmann::json json = ToJson(work.spec);
   json[kLogDecisions] = work.log_decisions;
   json[kRecordTrees] = work.record_trees;
-  WriteWholeFile(work.folder / kSpecFile, json.dump(2) + "\n");
+  WriteWholeFile(work.folder / kSpecFile, results::JsonText(json, 2) + "\n");
 }
 
 }  // namespace
@@ -292,7 +293,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.env_steps_target =
         static_cast<std::int64_t>(spec.evaluation ? spec.evaluation->env_step : spec.steps());
     row.parent_run_id = KeyOf(spec).parent_run_id;
-    row.argv = nlohmann::json(argv).dump();
+    row.argv = results::JsonText(nlohmann::json(argv));
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;
     if (run.action == Action::kStartOver) {

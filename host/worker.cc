@@ -25,6 +25,7 @@
 #include "provenance.h"
 #include "report.h"
 #include "results/database.h"
+#include "results/json_text.h"
 #include "results/run_writer.h"
 #include "resumption.h"
 #include "thread_grant.h"
@@ -76,9 +77,8 @@ Descriptor LockRun(const std::filesystem::path& folder) {
 void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
                  const std::filesystem::path& path) {
   const auto found = sections.find("header");
-  const nlohmann::json stored = nlohmann::json::parse(
-      found != sections.end() ? found->second : std::string(), nullptr, false);
-  const nlohmann::json expected = nlohmann::json::parse(CheckpointHeader(job.spec, ""));
+  const nlohmann::json stored = results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
+  const nlohmann::json expected = results::ParseJson(CheckpointHeader(job.spec, ""));
   if (!stored.is_object()) {
     throw RunnerError(ExitCode::kBadInput, path.string() + " has no readable header");
   }
@@ -86,8 +86,8 @@ void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
     if (stored.value(key, nlohmann::json()) != expected[key]) {
       throw RunnerError(ExitCode::kPluginRefused,
                         path.string() + " was made with another " + key + ": it has " +
-                            stored.value(key, nlohmann::json()).dump() + ", this run " +
-                            expected[key].dump() +
+                            results::JsonText(stored.value(key, nlohmann::json())) + ", this run " +
+                            results::JsonText(expected[key]) +
                             ". Use the old one, another --study, or --replace to start over");
     }
   }
@@ -237,12 +237,12 @@ std::string EncodeJob(const WorkerJob& job) {
   json["log_decisions"] = job.log_decisions;
   json["record_trees"] = job.record_trees;
   json["force"] = job.force;
-  return json.dump();
+  return results::JsonText(json);
 }
 
 WorkerJob DecodeJob(const std::string& text) {
   try {
-    const nlohmann::json json = nlohmann::json::parse(text);
+    const nlohmann::json json = results::ParseJson(text);
     WorkerJob job;
     job.spec = RunSpecFromJson(json.at("spec"));
     job.db = json.at("db");

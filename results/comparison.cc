@@ -8,6 +8,7 @@
 
 #include "results/curves.h"
 #include "results/digest.h"
+#include "results/json_text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -245,7 +246,7 @@ std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest
       json["improvement"].push_back(std::move(item));
     }
   }
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return JsonTextReplacing(json, 2) + "\n";
 }
 
 namespace {

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "results/json_text.h"
 #include "results/table.h"
 
 namespace dreamsearch::results {
@@ -172,7 +173,7 @@ std::vector<PublishedPoint> ParseDreamer(const std::string& path, const std::str
                                          const ImportSettings& settings) {
   nlohmann::json list;
   try {
-    list = nlohmann::json::parse(bytes);
+    list = ParseJson(bytes);
   } catch (const nlohmann::json::parse_error& error) {
     Malformed(path, "", std::string("is not JSON: ") + error.what());
   }
@@ -186,7 +187,7 @@ std::vector<PublishedPoint> ParseDreamer(const std::string& path, const std::str
         Malformed(path, where, std::string("expected '") + name + "', found none");
       }
       if (item[name].is_string()) return item[name].get<std::string>();
-      if (item[name].is_number_integer()) return item[name].dump();
+      if (item[name].is_number_integer()) return JsonText(item[name]);
       Malformed(path, where, std::string("'") + name + "': expected a text or a whole number");
     };
     const auto numbers = [&](const char* name) {
@@ -284,7 +285,7 @@ std::string DreamerScores(const std::vector<Line>& lines) {
                       {"ys", run.value}});
     }
   }
-  return list.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return JsonTextReplacing(list) + "\n";
 }
 
 std::string TdmpcScores(const Line& line) {

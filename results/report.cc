@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "results/curve_figure.h"
+#include "results/json_text.h"
 #include "results/page/embedded.h"
 
 namespace dreamsearch::results {
@@ -485,11 +486,8 @@ class Page {
       for (const std::string& user : entry.second) users += (users.empty() ? "" : ", ") + user;
       html_ << "<details><summary>Settings " << sha.substr(0, 12) << " (" << Escaped(users)
             << ")</summary><pre>";
-      const nlohmann::json parsed = nlohmann::json::parse(entry.first, nullptr, false);
-      const std::string text =
-          parsed.is_discarded()
-              ? entry.first
-              : parsed.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+      const nlohmann::json parsed = ParseJsonOrDiscard(entry.first);
+      const std::string text = parsed.is_discarded() ? entry.first : JsonTextReplacing(parsed, 2);
       for (const std::string& line : Split(text)) html_ << Escaped(line) << "\n";
       html_ << "</pre></details>\n";
     }
@@ -615,7 +613,7 @@ class Page {
     data["seeds"] = seeds;
     data["time"] = time_;
     std::string json;
-    for (const char c : data.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)) {
+    for (const char c : JsonTextReplacing(data)) {
       if (c == '<') {
         json += "\\u003c";
       } else {

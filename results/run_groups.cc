@@ -8,6 +8,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "results/json_text.h"
 #include "results/table.h"
 
 namespace dreamsearch::results {
@@ -33,7 +34,7 @@ void AddDifferences(const Settings& settings, const std::set<std::string>& confi
   for (const std::string& config : configs) {
     for (const auto& [key, value] : settings.at(config).items()) {
       ++seen[key].first;
-      seen[key].second.insert(value.dump());
+      seen[key].second.insert(JsonText(value));
     }
   }
   for (const auto& [key, found] : seen) {
@@ -47,7 +48,7 @@ std::string SettingLabel(const nlohmann::json& settings, const std::set<std::str
     if (!settings.contains(key)) continue;
     std::string name = key.substr(1);
     std::replace(name.begin(), name.end(), '/', '.');
-    label += (label.empty() ? "" : " ") + name + "=" + settings[key].dump();
+    label += (label.empty() ? "" : " ") + name + "=" + JsonText(settings[key]);
   }
   return label;
 }
@@ -77,7 +78,7 @@ std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) 
     kinds[{run->planner, IsEvaluation(*run)}][run->task].insert(run->config_sha256);
     nlohmann::json& flat = settings[run->config_sha256];
     if (!flat.is_null()) continue;
-    const nlohmann::json parsed = nlohmann::json::parse(run->config_json, nullptr, false);
+    const nlohmann::json parsed = ParseJsonOrDiscard(run->config_json);
     flat = parsed.is_structured() ? parsed.flatten() : nlohmann::json::object();
   }
 

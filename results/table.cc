@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "results/error.h"
+#include "results/json_text.h"
 #include "results/sqlite.h"
 
 namespace dreamsearch::results {
@@ -139,7 +140,7 @@ std::string Table::Print(TableForm form) const {
   if (form == TableForm::kJson) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const std::vector<Cell>& row : rows) list.push_back(ToJson(columns, row));
-    return list.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+    return JsonTextReplacing(list, 2) + "\n";
   }
   if (form == TableForm::kCsv) {
     out = CsvLine({columns.begin(), columns.end()});
@@ -292,7 +293,7 @@ std::string ReadWholeFile(const std::string& path) {
 }
 
 std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row) {
-  return ToJson(columns, row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return JsonTextReplacing(ToJson(columns, row)) + "\n";
 }
 
 std::string CsvLine(const std::vector<Cell>& row) {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "results/json_text.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 
@@ -126,14 +127,14 @@ int ShowCommand(const Words& words) {
       run.run_id);
 
   Heading("Settings (sha256 " + run.config_sha256.substr(0, 12) + ")");
-  const nlohmann::json config = nlohmann::json::parse(run.config_json, nullptr, false);
+  const nlohmann::json config = ParseJsonOrDiscard(run.config_json);
   if (config.is_structured()) {
     Table settings = {{"", ""}, {}};
     const nlohmann::json flat = config.flatten();
     for (const auto& [key, value] : flat.items()) {
       std::string dotted = key.empty() ? key : key.substr(1);
       std::replace(dotted.begin(), dotted.end(), '/', '.');
-      settings.rows.push_back({dotted, value.dump()});
+      settings.rows.push_back({dotted, JsonText(value)});
     }
     const std::string list = settings.Print(TableForm::kText);
     std::istringstream lines(list.substr(list.find('\n') + 1));
