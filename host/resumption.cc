@@ -8,6 +8,7 @@
 #include "experiment.h"
 #include "progress.h"
 #include "provenance.h"
+#include "results/json_text.h"
 
 namespace dreamsearch {
 namespace {
