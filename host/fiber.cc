@@ -55,13 +55,14 @@ void Fiber::Start(Body body, void* context) {
   ended_ = false;
   exceptions_ = {};
   sanitizer_state_ = nullptr;
-  ::getcontext(&own_);
-  own_.uc_stack.ss_sp = memory_ + page_;
-  own_.uc_stack.ss_size = kStackBytes;
-  own_.uc_link = nullptr;
+  begun_ = false;
+  ::getcontext(&entry_);
+  entry_.uc_stack.ss_sp = memory_ + page_;
+  entry_.uc_stack.ss_size = kStackBytes;
+  entry_.uc_link = nullptr;
   // makecontext passes ints.
   const auto self = reinterpret_cast<std::uintptr_t>(this);
-  ::makecontext(&own_, reinterpret_cast<void (*)()>(&Fiber::Enter), 2,
+  ::makecontext(&entry_, reinterpret_cast<void (*)()>(&Fiber::Enter), 2,
                 static_cast<unsigned int>(self), static_cast<unsigned int>(self >> 32));
   SwitchIn();
 }
@@ -71,7 +72,7 @@ void Fiber::Resume() {
   SwitchIn();
 }
 
-void Fiber::Pause() { SwitchOut(false); }
+void Fiber::Pause() { SwitchOut(); }
 
 void Fiber::Enter(unsigned int low, unsigned int high) {
   auto* self = reinterpret_cast<Fiber*>(static_cast<std::uintptr_t>(high) << 32 | low);
@@ -80,7 +81,7 @@ void Fiber::Enter(unsigned int low, unsigned int high) {
 #endif
   self->body_(self->context_);
   self->ended_ = true;
-  self->SwitchOut(true);
+  self->SwitchOut();
 }
 
 namespace {
@@ -99,32 +100,36 @@ void SwapExceptions(Record* record) {
 
 void Fiber::SwitchIn() {
   SwapExceptions(&exceptions_);
+  if (_setjmp(resumer_) == 0) {
 #ifdef __SANITIZE_ADDRESS__
-  void* resumer_state = nullptr;
-  __sanitizer_start_switch_fiber(&resumer_state, memory_ + page_, kStackBytes);
+    __sanitizer_start_switch_fiber(&sanitizer_resumer_state_, memory_ + page_, kStackBytes);
 #endif
 #ifdef __SANITIZE_THREAD__
-  sanitizer_resumer_ = __tsan_get_current_fiber();
-  __tsan_switch_to_fiber(sanitizer_fiber_, 0);
+    sanitizer_resumer_ = __tsan_get_current_fiber();
+    __tsan_switch_to_fiber(sanitizer_fiber_, 0);
 #endif
-  ::swapcontext(&resumer_, &own_);
+    if (begun_) _longjmp(own_, 1);
+    begun_ = true;
+    ::setcontext(&entry_);
+  }
 #ifdef __SANITIZE_ADDRESS__
-  __sanitizer_finish_switch_fiber(resumer_state, nullptr, nullptr);
+  __sanitizer_finish_switch_fiber(sanitizer_resumer_state_, nullptr, nullptr);
 #endif
   SwapExceptions(&exceptions_);
 }
 
-void Fiber::SwitchOut(bool for_good) {
+void Fiber::SwitchOut() {
+  if (_setjmp(own_) == 0) {
 #ifdef __SANITIZE_ADDRESS__
-  __sanitizer_start_switch_fiber(for_good ? nullptr : &sanitizer_state_, resumer_stack_,
-                                 resumer_stack_bytes_);
-#else
-  static_cast<void>(for_good);
+    // One that has ended gives up what the sanitizer keeps of its stack.
+    __sanitizer_start_switch_fiber(ended_ ? nullptr : &sanitizer_state_, resumer_stack_,
+                                   resumer_stack_bytes_);
 #endif
 #ifdef __SANITIZE_THREAD__
-  __tsan_switch_to_fiber(sanitizer_resumer_, 0);
+    __tsan_switch_to_fiber(sanitizer_resumer_, 0);
 #endif
-  ::swapcontext(&own_, &resumer_);
+    _longjmp(resumer_, 1);
+  }
 #ifdef __SANITIZE_ADDRESS__
   __sanitizer_finish_switch_fiber(sanitizer_state_, &resumer_stack_, &resumer_stack_bytes_);
 #endif

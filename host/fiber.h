@@ -10,6 +10,7 @@
 
 #include <ucontext.h>
 
+#include <csetjmp>
 #include <cstddef>
 
 namespace dreamsearch {
@@ -42,18 +43,24 @@ class Fiber {
   };
 
   static void Enter(unsigned int low, unsigned int high);
+  // Onto its stack and off it. Contexts make the stack, jumps change it: a context brings
+  // the signal mask along, two system calls a switch, which would be a tenth of a search.
   void SwitchIn();
-  void SwitchOut(bool for_good);
+  void SwitchOut();
 
   std::byte* memory_ = nullptr;  // the forbidden page, then the stack
   std::size_t page_ = 0;
-  ucontext_t own_{};
-  ucontext_t resumer_{};
+  ucontext_t entry_{};  // where the body begins
+  std::jmp_buf own_;    // where it goes on
+  std::jmp_buf resumer_;
   Body body_ = nullptr;
   void* context_ = nullptr;
+  bool begun_ = false;
   bool ended_ = true;
-  Exceptions exceptions_;            // of the side that is not running
-  void* sanitizer_state_ = nullptr;  // of the side that is not running
+  Exceptions exceptions_;  // of the side that is not running
+  // What sanitizers want to know of the stacks.
+  void* sanitizer_state_ = nullptr;
+  void* sanitizer_resumer_state_ = nullptr;
   const void* resumer_stack_ = nullptr;
   std::size_t resumer_stack_bytes_ = 0;
   void* sanitizer_fiber_ = nullptr;
