@@ -30,9 +30,8 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
   const std::uint64_t rows = request.latents.rows;
   if (request.latents.cols != latent_bytes_ || request.actions.rows != rows ||
       request.actions.cols != action_size_ || request.seeds.size != rows ||
-      result.latents.rows != rows ||
-      result.latents.cols != latent_bytes_ || result.rewards.size != rows ||
-      result.discounts.size != rows) {
+      result.latents.rows != rows || result.latents.cols != latent_bytes_ ||
+      result.rewards.size != rows || result.discounts.size != rows) {
     return Keep(Error(StatusCode::kInvalidArgument,
                       "model '%s': Imagine of %llu latents was given views of other sizes",
                       name_.c_str(), static_cast<unsigned long long>(rows)));

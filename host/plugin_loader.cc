@@ -414,7 +414,8 @@ const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& libr
       Checker(path).Refuse(std::string("expected the symbol ") + kPluginEntrySymbol + " of SDK " +
                            std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
                            std::to_string(DREAMSEARCH_SDK_MINOR) + ", found " +
-                           kRetiredEntrySymbol + ": it was built before SDK 0.1; rebuild it "
+                           kRetiredEntrySymbol +
+                           ": it was built before SDK 0.1; rebuild it "
                            "against this SDK");
     }
     const std::string other = OtherEntry(library);

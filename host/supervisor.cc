@@ -351,14 +351,18 @@ class Sweep {
     }
   }
 
+  // Processor time until a sign of life is due: that of every decision under way.
+  double Patience(const ActiveRun& run) const {
+    return options_.hang_timeout_seconds *
+           static_cast<double>(std::max<std::uint64_t>(run.decisions, 1));
+  }
+
   void WatchLimits() {
     const double now = ActivityClock::Now();
     for (const auto& [index, run] : active_) {
       const bool asked = run->asked != ActiveRun::Asked::kNo;
-      const double patience = options_.hang_timeout_seconds *
-                              static_cast<double>(std::max<std::uint64_t>(run->decisions, 1));
       if (options_.hang_timeout_seconds > 0 &&
-          ProcessorSeconds(run->pid) - run->processor_at_report > patience) {
+          ProcessorSeconds(run->pid) - run->processor_at_report > Patience(*run)) {
         Kill(run.get(), ActiveRun::Killed::kHang);
       } else if (asked && now - run->asked_at > GraceSeconds()) {
         Kill(run.get(), ActiveRun::Killed::kOverdue);
@@ -416,7 +420,7 @@ class Sweep {
       switch (run->killed) {
         case ActiveRun::Killed::kHang:
           SetStatus(*run, results::RunStatus::kCrashed, crashed,
-                    "no sign of life for " + FormatDuration(options_.hang_timeout_seconds) +
+                    "no sign of life for " + FormatDuration(Patience(*run)) +
                         " of processor time while it was to " + run->line.stage +
                         "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
           break;

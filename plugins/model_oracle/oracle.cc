@@ -147,8 +147,8 @@ class Oracle final : public Model {
     }
     if (behaviour_ == nullptr) return OkStatus();
     Status status = FollowBehaviour(request.latents, request.actions,
-                                    {observations_.data(), rows, observation_size_},
-                                    request.seeds, result.latents);
+                                    {observations_.data(), rows, observation_size_}, request.seeds,
+                                    result.latents);
     if (!status.ok()) return status;
     for (const std::uint64_t i : ended_) {
       std::memcpy(result.latents.row(i).data + behaviour_offset_,
@@ -294,8 +294,8 @@ class Oracle final : public Model {
 
   // The behaviour's latents of `to`, after `actions` from those of `from`.
   Status FollowBehaviour(ConstLatents from, MatrixView<const double> actions,
-                         MatrixView<const double> observations,
-                         View<const std::uint64_t> seeds, Latents to) noexcept {
+                         MatrixView<const double> observations, View<const std::uint64_t> seeds,
+                         Latents to) noexcept {
     const ConstLatents before = Gather(from);
     const Latents after = Staged(behaviour_after_, to.rows);
     ObserveRequest request;

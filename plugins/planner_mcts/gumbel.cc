@@ -80,9 +80,8 @@ class Gumbel final : public TreePlanner {
   }
 
   Status BeginSearch() noexcept override {
-    Status status =
-        model()->Value(tree_.latents(SearchTree::kRoot, 1),
-                       {.values = tree_.values(SearchTree::kRoot, 1)});
+    Status status = model()->Value(tree_.latents(SearchTree::kRoot, 1),
+                                   {.values = tree_.values(SearchTree::kRoot, 1)});
     if (!status.ok()) return status;
     status = CheckFinite("a value", tree_.values(SearchTree::kRoot, 1));
     if (!status.ok()) return status;

@@ -180,10 +180,10 @@ class Rollout final : public Planner {
       const Latents to = latents_[(t + 1) % 2].middle_rows(0, batch_);
       Status status;
       if (t > 0) {
-        status = sample_continuation_
-                     ? model_->ProposeSamples(from, Seeds(DeriveSeed(continuation_seed, t)),
-                                              actions(t))
-                     : model_->ProposeMode(from, actions(t));
+        status =
+            sample_continuation_
+                ? model_->ProposeSamples(from, Seeds(DeriveSeed(continuation_seed, t)), actions(t))
+                : model_->ProposeMode(from, actions(t));
         if (!status.ok()) return status;
       }
       status = model_->Imagine({from, actions(t), Seeds(DeriveSeed(imagine_seed, t))},

@@ -31,8 +31,7 @@ double Trajectories::ReturnSpread() const noexcept {
 Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
                                  std::uint64_t seed) noexcept {
   const std::uint64_t first_seed = DeriveSeed(seed, 0);
-  Status status =
-      model->ProposeSamples(root, {&first_seed, 1}, actions(0).middle_rows(0, rows));
+  Status status = model->ProposeSamples(root, {&first_seed, 1}, actions(0).middle_rows(0, rows));
   if (!status.ok()) return status;
   for (std::uint64_t i = 0; i < rows; ++i) latents_[0].Set(i, root);
   for (std::uint64_t t = 0; t + 1 < horizon_; ++t) {
@@ -59,10 +58,9 @@ Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstr
   for (std::uint64_t t = 0; t < horizon_; ++t) {
     const View<double> rewards{rewards_.data() + t * count_, count_};
     const View<double> discounts{discounts_.data() + t * count_, count_};
-    Status status = model->Imagine({latents_[t % 2].middle_rows(0, count_), actions(t),
-                                    Seeds(DeriveSeed(seed, t), count_)},
-                                   {latents_[(t + 1) % 2].middle_rows(0, count_), rewards,
-                                    discounts});
+    Status status = model->Imagine(
+        {latents_[t % 2].middle_rows(0, count_), actions(t), Seeds(DeriveSeed(seed, t), count_)},
+        {latents_[(t + 1) % 2].middle_rows(0, count_), rewards, discounts});
     if (!status.ok()) return status;
   }
   std::fill(values_.begin(), values_.end(), 0.0);

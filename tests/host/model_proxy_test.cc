@@ -44,9 +44,7 @@ class ScriptedModel final : public LatentModel {
 
 class ModelProxyTest : public testing::Test {
  protected:
-  Status Imagine(std::uint64_t rows, std::uint64_t rewards) {
-    return Imagine(rows, rewards, rows);
-  }
+  Status Imagine(std::uint64_t rows, std::uint64_t rewards) { return Imagine(rows, rewards, rows); }
   Status Imagine(std::uint64_t rows, std::uint64_t rewards, std::uint64_t seeds) {
     ImagineRequest request;
     request.latents = {from_.data(), rows, 64};

@@ -325,7 +325,7 @@ TEST(HangTest, EachOfTheDecisionsOfAnEvaluationHasTheTimeOfOne) {
   const ProgramResult result = place.Runner(arguments);
   EXPECT_EQ(result.exit_status, 0) << result.err;
   EXPECT_EQ(place.Value("f.db", "select status from run"), "finished");
-  EXPECT_EQ(place.Value("f.db", "select count(*) from episode where phase = 1"), "16");
+  EXPECT_EQ(place.Value("f.db", "select count(*) from episode where phase = 1"), "24");
 }
 
 TEST(Claims, OfAModelCostItsRunAlone) {

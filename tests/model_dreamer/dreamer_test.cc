@@ -359,7 +359,8 @@ TEST(Dreamer, AllocatesNothingAfterWarmUp) {
                 .ok();
       ok &= model->Value(from, {.values = {values.data(), n}}).ok();
       ok &= model->ProposeMode(from, {samples.data(), n, 1}).ok();
-      ok &= model->ProposeSamples({from.data, 1, bytes}, {seeds.data, 1}, {samples.data(), n, 1}).ok();
+      ok &= model->ProposeSamples({from.data, 1, bytes}, {seeds.data, 1}, {samples.data(), n, 1})
+                .ok();
       return ok;
     };
     const auto train = [&](std::uint64_t update) {
@@ -488,9 +489,8 @@ TEST(Dreamer, RefusesWrongSizes) {
               StatusCode::kInvalidArgument);
   }
   for (const auto& [size, given] : {std::pair(3u, seeds), std::pair(2u, one_seed)}) {
-    EXPECT_EQ(code(model->Observe({latents, {numbers.data(), 2, 1}, {numbers.data(), 2, size}, {},
-                                   given},
-                                  next)),
+    EXPECT_EQ(code(model->Observe(
+                  {latents, {numbers.data(), 2, 1}, {numbers.data(), 2, size}, {}, given}, next)),
               StatusCode::kInvalidArgument);
   }
   OwnedBatch batch = PointBatch(2, 4, 1);

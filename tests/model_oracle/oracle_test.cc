@@ -301,8 +301,7 @@ TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
     std::vector<double> samples(kSamples);
     const std::uint64_t seed = 3;
     ASSERT_TRUE(
-        oracle
-            ->ProposeSamples(oracle.latent(0), {&seed, 1}, {samples.data(), samples.size(), 1})
+        oracle->ProposeSamples(oracle.latent(0), {&seed, 1}, {samples.data(), samples.size(), 1})
             .ok());
     double mean = 0, squares = 0;
     for (const double a : samples) {

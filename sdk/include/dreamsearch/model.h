@@ -94,7 +94,7 @@ struct ObserveRequest {
   // [B, state_bytes]: the environment's saved state, only for a model whose
   // descriptor has needs_environment; otherwise empty.
   MatrixView<const std::byte> environment_states;
-  View<const std::uint64_t> seeds;        // [B]
+  View<const std::uint64_t> seeds;  // [B]
 };
 
 // B sequences of T consecutive decisions, each inside one episode. Row b * T + t

@@ -89,8 +89,8 @@ constexpr std::uint64_t LayoutTag() noexcept {
        {std::uint64_t{sizeof(Status)}, sizeof(View<double>), sizeof(MatrixView<double>), sizeof(ParameterSpec),
         sizeof(ParameterValue), sizeof(MetricSpec), sizeof(ObservationPart),
         sizeof(EnvironmentSpec), sizeof(StepResult), sizeof(RenderRequest), sizeof(ImagineRequest),
-        sizeof(ImagineResult), sizeof(ValueResult), sizeof(ObserveRequest), sizeof(SequenceBatch), sizeof(TrainRequest),
-        sizeof(TreeEdge), sizeof(PlanRequest), sizeof(PlanResult), sizeof(EnvironmentContext),
+        sizeof(ImagineResult), sizeof(ValueResult), sizeof(ObserveRequest), sizeof(SequenceBatch),
+        sizeof(TrainRequest), sizeof(TreeEdge), sizeof(PlanRequest), sizeof(PlanResult), sizeof(EnvironmentContext),
         sizeof(ModelContext), sizeof(PlannerContext), sizeof(ComponentDescriptor)}) {
     tag = tag * 1099511628211ull ^ size;
   }
