@@ -66,8 +66,7 @@ Status Guarded(const char* name, Call call) noexcept {
 
 // Latents taken through all layers together: their activations stay in the nearest
 // caches on the way. Calls task(first, count) for each block. Blocks are of nearly equal
-// size: a product with a few columns rounds in another way, and equal rows of a request
-// are to have equal results.
+// size, because products with a few columns are slower.
 template <typename Task>
 void ForBlocks(Index rows, Task task) {
   constexpr Index kRowsAtOnce = 32;
