@@ -68,12 +68,10 @@ inline InstructionSet FindInstructionSet() noexcept {
   if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) {
     return InstructionSet::kBaseline;
   }
-  for (const bool has : {__builtin_cpu_supports("avx512f") != 0,
-                         __builtin_cpu_supports("avx512bw") != 0,
-                         __builtin_cpu_supports("avx512cd") != 0,
-                         __builtin_cpu_supports("avx512dq") != 0,
-                         __builtin_cpu_supports("avx512vl") != 0}) {
-    if (!has) return InstructionSet::kAvx2;
+  if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512bw") ||
+      !__builtin_cpu_supports("avx512cd") || !__builtin_cpu_supports("avx512dq") ||
+      !__builtin_cpu_supports("avx512vl")) {
+    return InstructionSet::kAvx2;
   }
 #if defined(__linux__)
   unsigned a = 0, b = 0, c = 0, d = 0;
