@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Planners on the true dynamics, with no learning: does each beat random actions, and what
 # does it cost? Proposals are uniform and values zero. About 45 min on one core; given again
-# it goes on where it stopped. Prints the table of results/oracle.md.
+# it goes on where it stopped. Prints the table of results/published/oracle.md.
 #   experiments/oracle.sh [DATABASE]
 set -euo pipefail
 

@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "catalogue.h"
-#include "commands.h"
-#include "error.h"
-#include "probe.h"
-#include "provenance.h"
-#include "results/error.h"
-#include "worker.h"
+#include "host/plugins/catalogue.h"
+#include "host/commands/commands.h"
+#include "host/system/error.h"
+#include "host/processes/probe.h"
+#include "host/system/provenance.h"
+#include "results/system/error.h"
+#include "host/processes/worker.h"
 
 namespace dreamsearch {
 namespace {

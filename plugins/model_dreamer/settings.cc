@@ -32,7 +32,7 @@ constexpr ParameterSpec kParameters[] = {
     IntParameter("value_layers", 3, 1, 8, "layers", "Hidden layers of the value. [dreamer]"),
     ChoiceParameter("norm", "none", "none,layer",
                     "Layer normalisation before every ELU; slower, and not better "
-                    "(results/ablation.md). [v3, MR.Q; Ba et al. 2016]"),
+                    "(results/published/ablation.md). [v3, MR.Q; Ba et al. 2016]"),
 
     BoolParameter("normalise_observations", true,
                   "Encode and predict observations standardised by the running mean and variance "

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "results/database.h"
-#include "results/table.h"
+#include "results/database/database.h"
+#include "results/figures/table.h"
 
 namespace dreamsearch::results {
 

@@ -1,7 +1,7 @@
 // results compare - statistics over tasks and seeds.
 #include <iostream>
 
-#include "results/comparison.h"
+#include "results/analysis/comparison.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 

@@ -1,7 +1,7 @@
 // results curves - learning curves as pictures and tables.
 #include <iostream>
 
-#include "results/curve_figure.h"
+#include "results/figures/curve_figure.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 

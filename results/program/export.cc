@@ -6,7 +6,7 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/published.h"
+#include "results/analysis/published.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/run_groups.h"
+#include "results/analysis/run_groups.h"
 
 namespace dreamsearch::results {
 namespace {

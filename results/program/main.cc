@@ -3,7 +3,7 @@
 #include <iostream>
 #include <new>
 
-#include "results/error.h"
+#include "results/system/error.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 

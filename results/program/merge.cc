@@ -1,5 +1,5 @@
 // results merge - the runs of several databases in one.
-#include "results/merge.h"
+#include "results/database/merge.h"
 
 #include <iostream>
 

@@ -1,5 +1,5 @@
 // results report FILE.html - one page with every figure and table.
-#include "results/report.h"
+#include "results/figures/report.h"
 
 #include <filesystem>
 #include <iostream>

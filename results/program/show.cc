@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "results/json_text.h"
+#include "results/system/json_text.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 

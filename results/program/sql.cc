@@ -3,7 +3,7 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/query.h"
+#include "results/database/query.h"
 
 namespace dreamsearch::results {
 

@@ -3,7 +3,7 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/verification.h"
+#include "results/database/verification.h"
 
 namespace dreamsearch::results {
 

@@ -1,4 +1,4 @@
-#include "host/checkpoint.h"
+#include "host/saving/checkpoint.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "dreamsearch/random.h"
-#include "host/error.h"
+#include "host/system/error.h"
 
 namespace dreamsearch {
 namespace {

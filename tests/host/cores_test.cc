@@ -1,5 +1,5 @@
 // Which cores there are, and how runs share them.
-#include "host/cores.h"
+#include "host/processes/cores.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@
 #include <fstream>
 #include <string>
 
-#include "host/error.h"
-#include "host/thread_grant.h"
+#include "host/system/error.h"
+#include "host/processes/thread_grant.h"
 
 namespace dreamsearch {
 namespace {

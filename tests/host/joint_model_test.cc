@@ -1,4 +1,4 @@
-#include "host/joint_model.h"
+#include "host/acting/joint_model.h"
 
 #include <gtest/gtest.h>
 
@@ -15,11 +15,11 @@
 #include <vector>
 
 #include "dreamsearch/random.h"
-#include "host/activity_clock.h"
-#include "host/episode.h"
-#include "host/error.h"
-#include "host/fiber.h"
-#include "host/plugin_loader.h"
+#include "host/acting/activity_clock.h"
+#include "host/acting/episode.h"
+#include "host/system/error.h"
+#include "host/acting/fiber.h"
+#include "host/plugins/plugin_loader.h"
 
 namespace dreamsearch {
 namespace {

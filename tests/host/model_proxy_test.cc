@@ -1,4 +1,4 @@
-#include "host/model_proxy.h"
+#include "host/plugins/model_proxy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "host/progress.h"
+#include "host/commands/progress.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "host/report.h"
+#include "host/processes/report.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,11 +1,11 @@
-#include "host/replay.h"
+#include "host/training/replay.h"
 
 #include <gtest/gtest.h>
 
 #include <set>
 #include <vector>
 
-#include "host/error.h"
+#include "host/system/error.h"
 
 namespace dreamsearch {
 namespace {

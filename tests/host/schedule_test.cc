@@ -1,8 +1,8 @@
-#include "host/schedule.h"
+#include "host/settings/schedule.h"
 
 #include <gtest/gtest.h>
 
-#include "host/run_parameters.h"
+#include "host/settings/run_parameters.h"
 
 namespace dreamsearch {
 namespace {

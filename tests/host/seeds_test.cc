@@ -1,4 +1,4 @@
-#include "host/seeds.h"
+#include "host/settings/seeds.h"
 
 #include <gtest/gtest.h>
 

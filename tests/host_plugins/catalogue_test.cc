@@ -1,5 +1,5 @@
 // Scanning folders of libraries, good and bad, in child processes.
-#include "host/catalogue.h"
+#include "host/plugins/catalogue.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -17,7 +17,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "host/commands.h"
+#include "host/commands/commands.h"
 #include "temporary_folder.h"
 
 namespace dreamsearch {

@@ -1,5 +1,5 @@
 // What CheckSharedLibrary says of files that are no complete shared library.
-#include "host/elf.h"
+#include "host/plugins/elf.h"
 
 #include <elf.h>
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "dreamsearch/random.h"
-#include "host/error.h"
+#include "host/system/error.h"
 #include "temporary_folder.h"
 
 namespace dreamsearch {

@@ -1,6 +1,6 @@
 // Loading in this process: what a descriptor must hold, and what loading leaves
 // behind. Libraries that end the process are catalogue_test.cc's.
-#include "host/plugin_loader.h"
+#include "host/plugins/plugin_loader.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "host/error.h"
+#include "host/system/error.h"
 #include "plugins/tiny_plugin.h"
 
 namespace dreamsearch {

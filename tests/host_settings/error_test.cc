@@ -1,5 +1,5 @@
 // Suggestions for names that are not known.
-#include "host/error.h"
+#include "host/system/error.h"
 
 #include <gtest/gtest.h>
 

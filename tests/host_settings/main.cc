@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "host/catalogue.h"
+#include "host/plugins/catalogue.h"
 
 int main(int argc, char** argv) {
   if (argc == 3 && std::string_view(argv[1]) == "describe-plugin") {

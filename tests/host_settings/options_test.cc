@@ -1,5 +1,5 @@
 // The command line and the configuration file.
-#include "host/options.h"
+#include "host/commands/options.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

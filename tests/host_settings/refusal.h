@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "host/error.h"
+#include "host/system/error.h"
 
 namespace dreamsearch {
 

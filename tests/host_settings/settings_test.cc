@@ -1,5 +1,5 @@
 // From options to runs.
-#include "host/settings.h"
+#include "host/settings/settings.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "dreamsearch/random.h"
-#include "host/run_parameters.h"
+#include "host/settings/run_parameters.h"
 #include "refusal.h"
 
 namespace dreamsearch {

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "program.h"
-#include "results/merge.h"
+#include "results/database/merge.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,9 +7,9 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "host/checkpoint.h"
-#include "host/components.h"
-#include "host/safetensors.h"
+#include "host/saving/checkpoint.h"
+#include "host/acting/components.h"
+#include "host/saving/safetensors.h"
 #include "program.h"
 
 namespace dreamsearch {

@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "program.h"
-#include "results/merge.h"
-#include "results/verification.h"
+#include "results/database/merge.h"
+#include "results/database/verification.h"
 
 namespace dreamsearch {
 namespace {

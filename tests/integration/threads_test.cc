@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "host/cores.h"
+#include "host/processes/cores.h"
 #include "program.h"
 
 namespace dreamsearch {

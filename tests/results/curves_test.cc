@@ -1,4 +1,4 @@
-#include "results/curves.h"
+#include "results/analysis/curves.h"
 
 #include <gtest/gtest.h>
 
@@ -7,11 +7,11 @@
 #include <regex>
 
 #include "recording.h"
-#include "results/curve_figure.h"
-#include "results/page/embedded.h"
-#include "results/published.h"
-#include "results/query.h"
-#include "results/report.h"
+#include "results/figures/curve_figure.h"
+#include "results/figures/page/embedded.h"
+#include "results/analysis/published.h"
+#include "results/database/query.h"
+#include "results/figures/report.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/database.h"
+#include "results/database/database.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "recording.h"
-#include "results/schema.h"
+#include "results/database/schema.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/digest.h"
+#include "results/database/digest.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <set>
 
-#include "results/derived_rows.h"
-#include "results/error.h"
+#include "results/database/derived_rows.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "faulty_vfs.h"
 #include "recording.h"
-#include "results/verification.h"
+#include "results/database/verification.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/merge.h"
+#include "results/database/merge.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "recording.h"
-#include "results/published.h"
-#include "results/verification.h"
+#include "results/analysis/published.h"
+#include "results/database/verification.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "recording.h"
-#include "results/derived_rows.h"
+#include "results/database/derived_rows.h"
 
 namespace dreamsearch::results {
 namespace {

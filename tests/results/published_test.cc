@@ -1,12 +1,12 @@
-#include "results/published.h"
+#include "results/analysis/published.h"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 
 #include "recording.h"
-#include "results/curve_figure.h"
-#include "results/table.h"
+#include "results/figures/curve_figure.h"
+#include "results/figures/table.h"
 
 namespace dreamsearch::results {
 namespace {

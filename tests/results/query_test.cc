@@ -1,12 +1,12 @@
 // What other people's SQL may do: read, and nothing else; and where its answer goes.
-#include "results/query.h"
+#include "results/database/query.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "recording.h"
-#include "results/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {

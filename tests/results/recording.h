@@ -8,8 +8,8 @@
 #include <memory>
 #include <string>
 
-#include "results/database.h"
-#include "results/run_writer.h"
+#include "results/database/database.h"
+#include "results/database/run_writer.h"
 
 namespace dreamsearch::results {
 

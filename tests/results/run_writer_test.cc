@@ -1,4 +1,4 @@
-#include "results/run_writer.h"
+#include "results/database/run_writer.h"
 
 #include <gtest/gtest.h>
 #include <time.h>
@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "recording.h"
-#include "results/derived_rows.h"
+#include "results/database/derived_rows.h"
 
 namespace dreamsearch::results {
 namespace {

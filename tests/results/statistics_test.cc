@@ -1,4 +1,4 @@
-#include "results/statistics.h"
+#include "results/analysis/statistics.h"
 
 #include <gtest/gtest.h>
 #include <time.h>

@@ -14,8 +14,8 @@
 #include <string>
 
 #include "dreamsearch/random.h"
-#include "results/database.h"
-#include "results/run_writer.h"
+#include "results/database/database.h"
+#include "results/database/run_writer.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/verification.h"
+#include "results/database/verification.h"
 
 #include <gtest/gtest.h>
 

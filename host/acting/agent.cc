@@ -1,0 +1,140 @@
+#include "host/acting/agent.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "host/acting/components.h"
+
+namespace dreamsearch {
+
+Agent::Agent(const Parts& parts)
+    : parts_(parts),
+      proxy_(parts.model, parts.model_name),
+      latent_bytes_(parts.model->latent_bytes()),
+      latent_memory_(2 * latent_bytes_ + kLatentAlignment),
+      action_(parts.model->action_size()),
+      metrics_(parts.metrics) {
+  if (parts.model_needs_environment) {
+    environment_state_.resize(parts.environment->spec().state_bytes);
+  }
+}
+
+std::byte* Agent::Latent(std::size_t index) {
+  void* memory = latent_memory_.data();
+  std::size_t space = latent_memory_.size();
+  auto* aligned =
+      static_cast<std::byte*>(std::align(kLatentAlignment, 2 * latent_bytes_, memory, space));
+  return aligned + index * latent_bytes_;
+}
+
+void Agent::BeginEpisode(Phase phase, std::uint64_t episode) {
+  phase_ = phase;
+  episode_ = episode;
+  decision_ = 0;
+  std::fill(action_.begin(), action_.end(), 0.0);
+  ThrowUnlessOk(parts_.model->InitialLatent({Latent(current_), 1, latent_bytes_}),
+                "model '" + parts_.model_name + "' InitialLatent");
+  if (parts_.planner != nullptr) {
+    ThrowUnlessOk(parts_.planner->BeginEpisode(&proxy_),
+                  "planner '" + parts_.planner_name + "' BeginEpisode");
+  }
+}
+
+Decision Agent::Decide(View<const double> observation, bool explore,
+                       std::uint64_t environment_step, TreeSink* tree) {
+  const double begin = Now();
+  ObserveRequest observe;
+  observe.previous = {Latent(current_), 1, latent_bytes_};
+  observe.actions = {action_.data(), 1, action_.size()};
+  observe.observations = {observation.data, 1, observation.size};
+  if (parts_.model_needs_environment) {
+    ThrowUnlessOk(parts_.environment->SaveState(
+                      {environment_state_.data(), environment_state_.size()}),
+                  "environment SaveState");
+    observe.environment_states = {environment_state_.data(), 1, environment_state_.size()};
+  }
+  const std::uint64_t observe_seed =
+      SeedFor(parts_.run_seed, SeedUse::kObserve, phase_, episode_, decision_);
+  observe.seeds = {&observe_seed, 1};
+  ThrowUnlessOk(parts_.model->Observe(observe, {Latent(1 - current_), 1, latent_bytes_}),
+                "model '" + parts_.model_name + "' Observe");
+  current_ = 1 - current_;
+
+  const ConstLatents root{Latent(current_), 1, latent_bytes_};
+  Decision decision;
+  std::string who;
+  if (parts_.planner != nullptr) {
+    who = "planner '" + parts_.planner_name + "'";
+    PlanRequest request;
+    request.root = root;
+    request.explore = explore;
+    request.seed = SeedFor(parts_.run_seed, SeedUse::kPlan, phase_, episode_, decision_);
+    request.decision = decision_;
+    request.environment_step = environment_step;
+    request.tree = tree;
+    PlanResult result;
+    result.action = {action_.data(), action_.size()};
+    result.metrics = {metrics_.data(), metrics_.size()};
+    const Status status = parts_.planner->Plan(request, &result);
+    ThrowUnlessOk(proxy_.fault(), who + " Plan");
+    ThrowUnlessOk(status, who + " Plan");
+    decision.value = result.value;
+    decision.simulations = result.simulations;
+    decision.nodes = result.nodes;
+    decision.depth = result.depth;
+  } else {
+    who = "the actor of model '" + parts_.model_name + "'";
+    ThrowUnlessOk(proxy_.ProposeMode(root, {action_.data(), 1, action_.size()}), who);
+    ThrowUnlessOk(proxy_.Value(root, {.values = {&decision.value, 1}}), who);
+  }
+  for (std::size_t i = 0; i < action_.size(); ++i) {
+    if (!std::isfinite(action_[i])) {
+      throw RunnerError(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
+                                                 std::to_string(i) + " of decision " +
+                                                 std::to_string(decision_));
+    }
+    if (std::abs(action_[i]) > 1) {
+      throw RunnerError(ExitCode::kInternal,
+                        who + " chose an action outside [-1, 1]: entry " + std::to_string(i) +
+                            " is " + std::to_string(action_[i]));
+    }
+  }
+  if (!std::isfinite(decision.value)) {
+    throw RunnerError(ExitCode::kDiverged, who + " reported a value that is not finite");
+  }
+  ++decision_;
+  decision.plan_us = (Now() - begin) * 1e6;
+  return decision;
+}
+
+void Agent::Save(ByteWriter* writer) const {
+  writer->Value(phase_);
+  writer->Value(episode_);
+  writer->Value(decision_);
+  writer->Vector(action_);
+  writer->Value(proxy_.transitions());
+  writer->Array(const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
+  StringSink memory;
+  if (parts_.planner != nullptr) {
+    ThrowUnlessOk(parts_.planner->Save(&memory), "planner '" + parts_.planner_name + "' Save");
+  }
+  writer->String(memory.bytes);
+}
+
+void Agent::Load(ByteReader* reader) {
+  const auto phase = reader->Value<Phase>();
+  const auto episode = reader->Value<std::uint64_t>();
+  BeginEpisode(phase, episode);
+  decision_ = reader->Value<std::uint64_t>();
+  reader->ArrayInto(action_.data(), action_.size());
+  proxy_.set_transitions(reader->Value<std::uint64_t>());
+  reader->ArrayInto(Latent(current_), latent_bytes_);
+  const std::string memory = reader->String();
+  if (parts_.planner != nullptr) {
+    StringSource source(memory);
+    ThrowUnlessOk(parts_.planner->Load(&source), "planner '" + parts_.planner_name + "' Load");
+  }
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,86 @@
+// agent.h - observe, plan: how a model and a planner choose actions in an episode.
+//
+// An agent carries the belief (the posterior latent) and the planner's memory
+// through one episode. It owns neither the model nor the planner.
+//
+// Units    actions in [-1, 1]; rewards and values per decision.
+// Errors   RunnerError; 72 when something is not finite, 70 otherwise.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "host/acting/activity_clock.h"
+#include "host/saving/byte_buffer.h"
+#include "dreamsearch/environment.h"
+#include "dreamsearch/model.h"
+#include "dreamsearch/planner.h"
+#include "host/plugins/model_proxy.h"
+#include "host/settings/seeds.h"
+
+namespace dreamsearch {
+
+// What was decided, and what the search did for it.
+struct Decision {
+  double value = 0;
+  double plan_us = 0;  // posterior update and planning, by Agent::Now
+  std::uint32_t simulations = 0;
+  std::uint32_t nodes = 0;
+  std::uint32_t depth = 0;
+};
+
+class Agent {
+ public:
+  struct Parts {
+    Model* model = nullptr;
+    std::string model_name;
+    // nullptr: the actor alone, its mode action.
+    Planner* planner = nullptr;
+    std::string planner_name;
+    std::size_t metrics = 0;           // how many the planner reports
+    Environment* environment = nullptr;  // whose state a needs_environment model is given
+    bool model_needs_environment = false;
+    std::uint64_t run_seed = 0;
+    // Seconds. For an agent that decides beside others its share of their time.
+    std::function<double()> clock = ActivityClock::Now;
+  };
+  explicit Agent(const Parts& parts);
+
+  void BeginEpisode(Phase phase, std::uint64_t episode);
+
+  // Updates the belief with what the last action led to, and chooses the next.
+  // observation: [O]; environment_step: steps the run has made.
+  Decision Decide(View<const double> observation, bool explore, std::uint64_t environment_step,
+                  TreeSink* tree = nullptr);
+
+  // The action of the last Decide, [A]; zero at an episode's start.
+  View<const double> action() const { return {action_.data(), action_.size()}; }
+  // The planner's metrics of the last Decide.
+  const std::vector<double>& metrics() const { return metrics_; }
+  double Now() const { return parts_.clock(); }
+  // Transitions the planner imagined since the agent was made or restored.
+  std::uint64_t transitions() const { return proxy_.transitions(); }
+
+  // Belief, last action and the planner's memory.
+  void Save(ByteWriter* writer) const;
+  void Load(ByteReader* reader);
+
+ private:
+  std::byte* Latent(std::size_t index);
+
+  Parts parts_;
+  ModelProxy proxy_;
+  std::uint64_t latent_bytes_;
+  std::vector<std::byte> latent_memory_;  // two aligned latents: current and next
+  std::size_t current_ = 0;
+  std::vector<std::byte> environment_state_;
+  std::vector<double> action_;
+  std::vector<double> metrics_;
+  Phase phase_ = Phase::kTraining;
+  std::uint64_t episode_ = 0;
+  std::uint64_t decision_ = 0;
+};
+
+}  // namespace dreamsearch

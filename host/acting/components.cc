@@ -1,0 +1,190 @@
+#include "host/acting/components.h"
+
+#include <cmath>
+#include <sstream>
+
+#include "host/saving/byte_buffer.h"
+#include "host/plugins/plugin_loader.h"
+
+namespace dreamsearch {
+namespace {
+
+const ComponentDescriptor& Load(const ResolvedComponent& component, ComponentKind kind) {
+  return FindComponent(LoadPlugin(component.info->plugin.path), kind, component.name());
+}
+
+// A factory's result, or RunnerError. The settings were in their ranges, so what
+// a factory refuses is a combination: the user's to change.
+template <typename T>
+T* Made(const Status& status, T* object, const char* kind, const std::string& name) {
+  const std::string what = std::string(kind) + " '" + name + "'";
+  if (!status.ok()) {
+    throw RunnerError(status.code == StatusCode::kInvalidArgument ? ExitCode::kUsage
+                                                                  : ExitCode::kInternal,
+                      what + " cannot be made: " + status.message);
+  }
+  if (object == nullptr) {
+    throw RunnerError(ExitCode::kInternal, what + ": its factory returned null");
+  }
+  return object;
+}
+
+// What a plugin says about a component of its own, held against what the interface
+// demands: others divide by it and index with it.
+class Claims {
+ public:
+  Claims(const char* kind, const ResolvedComponent& component)
+      : kind_(kind), component_(component) {}
+
+  template <typename Value>
+  void Check(bool holds, const std::string& field, const Value& found,
+             const std::string& expected) const {
+    if (holds) return;
+    const PluginInfo& plugin = component_.info->plugin;
+    std::ostringstream message;
+    message << "plugin " << plugin.name << " (" << plugin.path << "): " << kind_ << " '"
+            << component_.name() << "' says " << field << " = " << found << ", expected "
+            << expected;
+    throw RunnerError(ExitCode::kPluginRefused, message.str());
+  }
+
+ private:
+  const char* kind_;
+  const ResolvedComponent& component_;
+};
+
+void CheckEnvironment(const EnvironmentSpec& spec, const ResolvedComponent& component) {
+  const Claims claims("environment", component);
+  claims.Check(spec.observation_size > 0, "observation_size", spec.observation_size, "at least 1");
+  claims.Check(spec.action_size > 0, "action_size", spec.action_size, "at least 1");
+  for (const auto& [field, bounds] :
+       {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {
+    claims.Check(bounds.size == spec.action_size && bounds.data != nullptr,
+                 std::string(field) + ".size", bounds.size,
+                 "action_size = " + std::to_string(spec.action_size) + " numbers");
+  }
+  for (std::uint64_t i = 0; i < spec.action_size; ++i) {
+    const std::string index = "[" + std::to_string(i) + "]";
+    claims.Check(std::isfinite(spec.action_low[i]), "action_low" + index, spec.action_low[i],
+                 "a finite number");
+    claims.Check(std::isfinite(spec.action_high[i]) && spec.action_high[i] > spec.action_low[i],
+                 "action_high" + index, spec.action_high[i],
+                 "a finite number above action_low" + index);
+  }
+  claims.Check(std::isfinite(spec.control_seconds) && spec.control_seconds > 0, "control_seconds",
+               spec.control_seconds, "more than 0");
+  claims.Check(spec.substeps > 0, "substeps", spec.substeps, "at least 1");
+  claims.Check(spec.episode_steps > 0, "episode_steps", spec.episode_steps, "at least 1");
+  claims.Check(std::isfinite(spec.return_low), "return_low", spec.return_low, "a finite number");
+  claims.Check(std::isfinite(spec.return_high) && spec.return_high >= spec.return_low,
+               "return_high", spec.return_high, "a finite number, not below return_low");
+}
+
+void CheckModel(const Model& model, const EnvironmentSpec& environment,
+                const ResolvedComponent& component) {
+  const Claims claims("model", component);
+  const std::uint64_t bytes = model.latent_bytes();
+  claims.Check(bytes > 0 && bytes % kLatentAlignment == 0, "latent_bytes", bytes,
+               "a multiple of " + std::to_string(kLatentAlignment) + " above 0");
+  claims.Check(model.action_size() == environment.action_size, "action_size", model.action_size(),
+               "the environment's, " + std::to_string(environment.action_size));
+}
+
+}  // namespace
+
+void ThrowUnlessOk(const Status& status, const std::string& what) {
+  if (status.ok()) return;
+  const bool diverged =
+      status.code == StatusCode::kNotFinite || status.code == StatusCode::kDiverged;
+  throw RunnerError(diverged ? ExitCode::kDiverged : ExitCode::kInternal,
+                    what + ": " + StatusCodeName(status.code) + ": " + status.message);
+}
+
+void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model) {
+  const auto found = sections.find("model");
+  if (found == sections.end()) {
+    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'model'");
+  }
+  StringSource source(found->second);
+  ThrowUnlessOk(model->Load(&source), "model '" + name + "' Load");
+}
+
+Components::Components(const RunSpec& spec)
+    : spec_(spec),
+      environment_(&Load(spec.environment, ComponentKind::kEnvironment)),
+      model_(&Load(spec.model, ComponentKind::kModel)),
+      planner_(&Load(spec.planner, ComponentKind::kPlanner)),
+      evaluation_planner_(&Load(spec.eval_planner, ComponentKind::kPlanner)) {
+  if (spec.evaluation && spec.evaluation->behaviour) {
+    behaviour_ = &Load(*spec.evaluation->behaviour, ComponentKind::kModel);
+  }
+}
+
+EnvironmentPtr Components::MakeEnvironment() const {
+  const ParameterStorage parameters(spec_.environment.parameters);
+  EnvironmentContext context;
+  context.parameters = parameters.view();
+  Environment* environment = nullptr;
+  const Status status = environment_->create_environment(context, &environment);
+  EnvironmentPtr made(Made(status, environment, "environment", spec_.environment.name()));
+  CheckEnvironment(made->spec(), spec_.environment);
+  return made;
+}
+
+ModelPtr Components::MakeModel(const ResolvedComponent& component,
+                               const ComponentDescriptor& descriptor,
+                               const EnvironmentSpec& environment, std::uint32_t threads,
+                               Environment* own_environment, Model* behaviour) const {
+  const ParameterStorage parameters(component.parameters);
+  ModelContext context;
+  context.parameters = parameters.view();
+  context.observation_size = environment.observation_size;
+  context.action_size = environment.action_size;
+  context.action_repeat = spec_.action_repeat();
+  context.episode_decisions =
+      (environment.episode_steps + spec_.action_repeat() - 1) / spec_.action_repeat();
+  context.seed = SeedFor(spec_.seed, SeedUse::kParameters, Phase::kTraining, 0, 0);
+  context.environment = own_environment;
+  context.behaviour = behaviour;
+  Model* model = nullptr;
+  const Status status = descriptor.create_model(context, &model);
+  ModelPtr made(Made(status, model, "model", component.name()));
+  CheckModel(*made, environment, component);
+  made->SetThreads(threads);
+  return made;
+}
+
+ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
+                               Environment* own_environment, Model* behaviour) const {
+  return MakeModel(spec_.model, *model_, environment, threads, own_environment, behaviour);
+}
+
+ModelPtr Components::MakeBehaviour(const EnvironmentSpec& environment,
+                                   std::uint32_t threads) const {
+  if (behaviour_ == nullptr) return nullptr;
+  return MakeModel(*spec_.evaluation->behaviour, *behaviour_, environment, threads, nullptr,
+                   nullptr);
+}
+
+PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,
+                                   const ComponentDescriptor& descriptor,
+                                   const LatentModel& model) {
+  const ParameterStorage parameters(planner.parameters);
+  PlannerContext context;
+  context.parameters = parameters.view();
+  context.action_size = model.action_size();
+  context.latent_bytes = model.latent_bytes();
+  Planner* made = nullptr;
+  const Status status = descriptor.create_planner(context, &made);
+  return PlannerPtr(Made(status, made, "planner", planner.name()));
+}
+
+PlannerPtr Components::MakePlanner(const LatentModel& model) const {
+  return MakePlanner(spec_.planner, *planner_, model);
+}
+
+PlannerPtr Components::MakeEvaluationPlanner(const LatentModel& model) const {
+  return MakePlanner(spec_.eval_planner, *evaluation_planner_, model);
+}
+
+}  // namespace dreamsearch

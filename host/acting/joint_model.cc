@@ -1,0 +1,309 @@
+#include "host/acting/joint_model.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+
+#include "host/acting/activity_clock.h"
+#include "host/acting/fiber.h"
+
+namespace dreamsearch {
+namespace {
+
+// What can be asked, in the order in which it is answered: a tree search proposes
+// actions, imagines where they lead and values what it found; a decision begins with an
+// observation.
+enum class Kind { kProposeMode, kProposeSamples, kImagine, kValue, kObserve };
+
+// Memory for `size` values, which are lost when it grows.
+template <typename T>
+T* Room(std::vector<T>* values, std::uint64_t size) {
+  if (values->size() < size) values->resize(size);
+  return values->data();
+}
+
+Latents Room(LatentBuffer* buffer, std::uint64_t rows, std::uint64_t bytes) {
+  if (buffer->rows() < rows) *buffer = LatentBuffer(std::max(rows, 2 * buffer->rows()), bytes);
+  return buffer->middle_rows(0, rows);
+}
+
+template <typename T>
+void Append(const T* from, std::uint64_t count, T** to) {
+  if (count != 0) std::memcpy(*to, from, count * sizeof(T));
+  *to += count;
+}
+
+template <typename T>
+void TakeBack(const T** from, std::uint64_t count, T* to) {
+  if (count != 0) std::memcpy(to, *from, count * sizeof(T));
+  *from += count;
+}
+
+}  // namespace
+
+// A call of a seat, with views of the asker's memory, which waits.
+struct JointModel::Question {
+  Kind kind = Kind::kProposeMode;
+  ConstLatents latents;                   // every kind's
+  MatrixView<const double> actions;       // kImagine, kObserve
+  MatrixView<const double> observations;  // kObserve
+  MatrixView<const std::byte> states;     // kObserve
+  View<const std::uint64_t> seeds;        // all but kProposeMode, kValue
+  Latents next;                           // kImagine, kObserve
+  ImagineResult imagined;
+  ValueResult value;
+  MatrixView<double> proposed;  // kProposeMode, kProposeSamples
+
+  std::uint64_t rows() const { return latents.rows; }
+  std::uint64_t samples() const { return rows() == 0 ? 0 : proposed.rows / rows(); }
+
+  // Questions that one request can ask.
+  bool JoinsWith(const Question& other) const {
+    return kind == other.kind && rows() != 0 && other.rows() != 0 && samples() == other.samples() &&
+           states.cols == other.states.cols &&
+           value.deviations.empty() == other.value.deviations.empty() &&
+           value.least.empty() == other.value.least.empty();
+  }
+
+  Status Ask(Model* model) const noexcept {
+    switch (kind) {
+      case Kind::kProposeMode:
+        return model->ProposeMode(latents, proposed);
+      case Kind::kProposeSamples:
+        return model->ProposeSamples(latents, seeds, proposed);
+      case Kind::kImagine:
+        return model->Imagine({latents, actions, seeds}, imagined);
+      case Kind::kValue:
+        return model->Value(latents, value);
+      case Kind::kObserve:
+        return model->Observe({latents, actions, observations, states, seeds}, next);
+    }
+    return OkStatus();
+  }
+};
+
+class JointModel::Seat final : public Model {
+ public:
+  Seat(JointModel* joint, std::size_t index) : joint_(joint), index_(index) {}
+  ~Seat() = default;
+
+  std::uint64_t latent_bytes() const noexcept override { return joint_->model_->latent_bytes(); }
+  std::uint64_t action_size() const noexcept override { return joint_->model_->action_size(); }
+
+  Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override {
+    Question question;
+    question.kind = Kind::kImagine;
+    question.latents = request.latents;
+    question.actions = request.actions;
+    question.seeds = request.seeds;
+    question.imagined = result;
+    return Put(question);
+  }
+  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+    Question question;
+    question.kind = Kind::kValue;
+    question.latents = latents;
+    question.value = result;
+    return Put(question);
+  }
+  Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
+    Question question;
+    question.kind = Kind::kProposeMode;
+    question.latents = latents;
+    question.proposed = actions;
+    return Put(question);
+  }
+  Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
+                        MatrixView<double> actions) noexcept override {
+    Question question;
+    question.kind = Kind::kProposeSamples;
+    question.latents = latents;
+    question.seeds = seeds;
+    question.proposed = actions;
+    return Put(question);
+  }
+  Status Observe(const ObserveRequest& request, Latents latents) noexcept override {
+    Question question;
+    question.kind = Kind::kObserve;
+    question.latents = request.previous;
+    question.actions = request.actions;
+    question.observations = request.observations;
+    question.states = request.environment_states;
+    question.seeds = request.seeds;
+    question.next = latents;
+    return Put(question);
+  }
+
+  // Nothing to join.
+  Status InitialLatent(Latents latents) noexcept override {
+    return joint_->model_->InitialLatent(latents);
+  }
+  Status Train(const TrainRequest& request, View<double> metrics) noexcept override {
+    return joint_->model_->Train(request, metrics);
+  }
+  void SetThreads(std::uint32_t threads) noexcept override { joint_->model_->SetThreads(threads); }
+  Status Save(ByteSink* sink) const noexcept override { return joint_->model_->Save(sink); }
+  Status Load(ByteSource* source) noexcept override { return joint_->model_->Load(source); }
+  Status Export(TensorSink* sink) const noexcept override { return joint_->model_->Export(sink); }
+  void Destroy() noexcept override {}
+
+  Fiber fiber;
+  const Question* asked = nullptr;  // set while its work waits for an answer
+  Status answer;
+  double seconds = 0;
+
+ private:
+  Status Put(const Question& question) noexcept {
+    if (joint_->running_ != index_) return question.Ask(joint_->model_);
+    asked = &question;
+    fiber.Pause();
+    return answer;
+  }
+
+  friend class JointModel;
+  JointModel* const joint_;
+  const std::size_t index_;
+};
+
+JointModel::JointModel(Model* model, std::size_t seats) : model_(model), running_(seats) {
+  for (std::size_t i = 0; i < seats; ++i) seats_.push_back(std::make_unique<Seat>(this, i));
+  asking_.reserve(seats);
+}
+
+JointModel::~JointModel() = default;
+
+Model* JointModel::seat(std::size_t i) { return seats_[i].get(); }
+
+double JointModel::Seconds(std::size_t i) const {
+  return seats_[i]->seconds + (running_ == i ? ActivityClock::Now() - slice_began_ : 0);
+}
+
+void JointModel::RunAll(Call call, void* context) {
+  call_ = call;
+  context_ = context;
+  for (std::size_t i = 0; i < seats(); ++i) Continue(i, true);
+  while (std::any_of(seats_.begin(), seats_.end(),
+                     [](const auto& seat) { return seat->asked != nullptr; })) {
+    Answer();
+  }
+}
+
+void JointModel::Continue(std::size_t i, bool begin) {
+  Seat* seat = seats_[i].get();
+  running_ = i;
+  slice_began_ = ActivityClock::Now();
+  if (begin) {
+    seat->fiber.Start(
+        [](void* context) noexcept {
+          auto* self = static_cast<Seat*>(context);
+          self->joint_->call_(self->joint_->context_, self->index_);
+        },
+        seat);
+  } else {
+    seat->asked = nullptr;
+    seat->fiber.Resume();
+  }
+  seat->seconds += ActivityClock::Now() - slice_began_;
+  running_ = seats();
+}
+
+void JointModel::Answer() {
+  const double began = ActivityClock::Now();
+  const Question* first = nullptr;
+  for (const auto& seat : seats_) {
+    if (seat->asked == nullptr) continue;
+    if (first == nullptr || seat->asked->kind < first->kind) first = seat->asked;
+  }
+  asking_.clear();
+  std::uint64_t rows = 0;
+  for (std::size_t i = 0; i < seats(); ++i) {
+    const Question* question = seats_[i]->asked;
+    if (question == nullptr) continue;
+    if (question != first &&
+        (!question->JoinsWith(*first) || rows + question->rows() > kMostRows)) {
+      continue;
+    }
+    asking_.push_back(i);
+    rows += question->rows();
+  }
+  if (asking_.size() == 1 || !AskJointly()) {
+    for (const std::size_t i : asking_) seats_[i]->answer = seats_[i]->asked->Ask(model_);
+  }
+  const double share = (ActivityClock::Now() - began) / static_cast<double>(asking_.size());
+  for (const std::size_t i : asking_) seats_[i]->seconds += share;
+  for (const std::size_t i : asking_) Continue(i, false);
+}
+
+bool JointModel::AskJointly() {
+  const std::uint64_t latent_bytes = model_->latent_bytes();
+  const Question& first = *seats_[asking_.front()]->asked;
+  std::uint64_t rows = 0;
+  for (const std::size_t i : asking_) rows += seats_[i]->asked->rows();
+
+  Question all;
+  all.kind = first.kind;
+  std::byte* latents = Room(&latents_, rows, latent_bytes).data;
+  double* actions = Room(&actions_, std::max(rows, rows * first.samples()) * model_->action_size());
+  double* observations = Room(&observations_, rows * first.observations.cols);
+  std::byte* states = Room(&states_, rows * first.states.cols);
+  std::uint64_t* seeds = Room(&seeds_, rows);
+  all.latents = {latents, rows, latent_bytes};
+  all.seeds = {seeds, rows};
+  all.observations = {observations, rows, first.observations.cols};
+  if (first.states.cols != 0) all.states = {states, rows, first.states.cols};
+  for (const std::size_t i : asking_) {
+    const Question& question = *seats_[i]->asked;
+    Append(question.latents.data, question.latents.size(), &latents);
+    Append(question.actions.data, question.actions.size(), &actions);
+    Append(question.observations.data, question.observations.size(), &observations);
+    Append(question.states.data, question.states.size(), &states);
+    Append(question.seeds.data, question.seeds.size, &seeds);
+  }
+  switch (all.kind) {
+    case Kind::kProposeMode:
+    case Kind::kProposeSamples:
+      all.proposed = {actions_.data(), rows * first.samples(), model_->action_size()};
+      break;
+    case Kind::kImagine:
+      all.actions = {actions_.data(), rows, model_->action_size()};
+      all.imagined = {Room(&next_, rows, latent_bytes),
+                      {Room(&rewards_, rows), rows},
+                      {Room(&discounts_, rows), rows}};
+      break;
+    case Kind::kValue: {
+      double* values = Room(&values_, 3 * rows);
+      all.value.values = {values, rows};
+      if (!first.value.deviations.empty()) all.value.deviations = {values + rows, rows};
+      if (!first.value.least.empty()) all.value.least = {values + 2 * rows, rows};
+      break;
+    }
+    case Kind::kObserve:
+      all.actions = {actions_.data(), rows, model_->action_size()};
+      all.next = Room(&next_, rows, latent_bytes);
+      break;
+  }
+  if (!all.Ask(model_).ok()) return false;
+
+  const std::byte* next = all.kind == Kind::kObserve ? all.next.data : all.imagined.latents.data;
+  const double* rewards = all.imagined.rewards.data;
+  const double* discounts = all.imagined.discounts.data;
+  const double* values = all.value.values.data;
+  const double* deviations = all.value.deviations.data;
+  const double* least = all.value.least.data;
+  const double* proposed = all.proposed.data;
+  for (const std::size_t i : asking_) {
+    const Question& question = *seats_[i]->asked;
+    TakeBack(&next, question.next.size(), question.next.data);
+    TakeBack(&next, question.imagined.latents.size(), question.imagined.latents.data);
+    TakeBack(&rewards, question.imagined.rewards.size, question.imagined.rewards.data);
+    TakeBack(&discounts, question.imagined.discounts.size, question.imagined.discounts.data);
+    TakeBack(&values, question.value.values.size, question.value.values.data);
+    TakeBack(&deviations, question.value.deviations.size, question.value.deviations.data);
+    TakeBack(&least, question.value.least.size, question.value.least.data);
+    TakeBack(&proposed, question.proposed.size(), question.proposed.data);
+    seats_[i]->answer = OkStatus();
+  }
+  return true;
+}
+
+}  // namespace dreamsearch

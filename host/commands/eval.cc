@@ -1,0 +1,189 @@
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <map>
+
+#include "host/commands/commands.h"
+#include "host/acting/episode.h"
+#include "host/commands/options.h"
+#include "host/processes/probe.h"
+#include "host/commands/progress.h"
+#include "host/processes/supervisor.h"
+#include "host/processes/sweep.h"
+#include "host/commands/text_table.h"
+#include "host/processes/trained_run.h"
+
+namespace dreamsearch {
+namespace {
+
+std::string Printf(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+// What is to be played for a trained run: its own task, seed and study.
+std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
+  const RunSpec& spec = trained.spec;
+  options.environments = {spec.environment.name()};
+  options.seeds = {spec.seed};
+  options.study = trained.info.study;
+  if (options.preset.empty()) options.preset = spec.preset;
+  if (options.models.empty()) options.models = {spec.model.name()};
+  std::vector<RunSpec> evaluations = ResolveMatrix(options, trained.catalogue, &spec);
+  for (RunSpec& evaluation : evaluations) {
+    EvaluationSpec& what = evaluation.evaluation.emplace();
+    what.parent_run_id = trained.info.run_id;
+    what.parent_uuid = trained.info.uuid;
+    what.env_step = trained.env_step;
+    what.agent_sha256 = trained.agent_sha256;
+    if (evaluation.model.name() == spec.model.name()) continue;
+    if (!evaluation.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage,
+                        "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
+                            RunName(trained) + ", whose model is " + spec.model.name() +
+                            ". Expected that, or a model on true dynamics such as oracle");
+    }
+    if (spec.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage, "--model: " + RunName(trained) +
+                                              " trained no actor and critic for '" +
+                                              evaluation.model.name() + "': its own model is '" +
+                                              spec.model.name() + "'");
+    }
+    what.behaviour = spec.model;
+  }
+  return evaluations;
+}
+
+std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
+                                                const Catalogue& catalogue) {
+  std::vector<RunSpec> evaluations = ResolveMatrix(options, catalogue);
+  for (RunSpec& evaluation : evaluations) {
+    if (!evaluation.model.info->needs_environment) {
+      throw RunnerError(ExitCode::kUsage,
+                        "--model: '" + evaluation.model.name() +
+                            "' learns, so it needs a trained run: runner eval RUN --planner ...; "
+                            "without one expected a model such as oracle");
+    }
+    evaluation.evaluation.emplace();
+  }
+  return evaluations;
+}
+
+// Sums over the episodes of one task, planner and model.
+struct Figures {
+  std::vector<double> returns;
+  double decisions = 0, plan_us = 0, transitions = 0;
+  std::size_t runs = 0, finished = 0;
+};
+
+// Standard deviation of the mean, from the sample's.
+double StandardError(const std::vector<double>& values) {
+  const double mean = Mean(values);
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  const auto n = static_cast<double>(values.size());
+  return std::sqrt(squares / (n - 1) / n);
+}
+
+void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) {
+  std::vector<std::vector<std::string>> order;
+  std::map<std::vector<std::string>, Figures> table;
+  for (const RunSpec& spec : specs) {
+    const std::vector<std::string> key = {spec.environment.name(), spec.planner.name(),
+                                          spec.model.name()};
+    const auto [entry, added] = table.try_emplace(key);
+    if (added) order.push_back(key);
+    Figures& figures = entry->second;
+    ++figures.runs;
+    const auto run = database->FindRun(KeyOf(spec));
+    if (!run) continue;
+    if (run->status == results::RunStatus::kFinished) ++figures.finished;
+    for (const results::EpisodeInfo& episode : database->ListEpisodes(run->run_id)) {
+      const double decisions = std::ceil(static_cast<double>(episode.length) /
+                                         static_cast<double>(spec.action_repeat()));
+      figures.decisions += decisions;
+      figures.plan_us += decisions * episode.plan_us_mean;
+      figures.transitions += static_cast<double>(episode.model_transitions);
+      if (episode.episode_return) figures.returns.push_back(*episode.episode_return);
+    }
+  }
+  TextTable text(0);
+  text.Row({"task", "planner", "model", "episodes", "return", "std. error", "ms/decision",
+            "transitions/decision"});
+  for (const auto& key : order) {
+    const Figures& figures = table[key];
+    const std::size_t n = figures.returns.size();
+    std::vector<std::string> row = key;
+    row.push_back(std::to_string(n));
+    row.push_back(n == 0 ? "-" : Printf("%.1f", Mean(figures.returns)));
+    row.push_back(n < 2 ? "-" : Printf("%.1f", StandardError(figures.returns)));
+    row.push_back(
+        figures.decisions == 0 ? "-" : Printf("%.3f", figures.plan_us / figures.decisions / 1000));
+    row.push_back(figures.decisions == 0 ? "-"
+                                         : Printf("%.1f", figures.transitions / figures.decisions));
+    if (figures.finished < figures.runs) row.emplace_back("unfinished");
+    text.Row(std::move(row));
+  }
+  text.Print(std::cout);
+}
+
+}  // namespace
+
+int EvalCommand(const std::vector<std::string>& arguments) {
+  EvaluationOptions evaluation = ParseEvaluationOptions(arguments);
+  Options& options = evaluation.choice;
+  if (options.help) {
+    std::cout << EvaluationHelp();
+    return 0;
+  }
+  const std::string db = options.process.db.string();
+  std::unique_ptr<results::Database> database;
+  std::vector<RunSpec> specs;
+  if (!evaluation.run.empty()) {
+    database = results::Database::OpenExisting(db);
+    const TrainedRun trained =
+        FindTrainedRun(database.get(), evaluation.run, options.process.plugin_path);
+    for (const std::string& warning : trained.warnings) {
+      std::cerr << "warning: " << warning << "\n";
+    }
+    specs = EvaluationsOf(trained, options);
+    std::cerr << RunName(trained) << " after " << GroupDigits(trained.env_step)
+              << " environment steps of training\n";
+  } else {
+    const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
+    for (const std::string& warning : catalogue.warnings()) {
+      std::cerr << "warning: " << warning << "\n";
+    }
+    specs = EvaluationsWithoutTraining(options, catalogue);
+  }
+  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
+  if (database == nullptr) database = results::Database::OpenOrCreate(db);
+  for (const std::string& warning : database->warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    specs[i].evaluation->episode_steps = static_cast<std::uint64_t>(tasks[i].episode_steps);
+  }
+
+  const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
+  std::size_t finished = 0;
+  const int failed_before = SayLeftAlone(database.get(), planned);
+  for (const PlannedRun& run : planned) {
+    if (run.action == Action::kSkipFinished) ++finished;
+  }
+  std::vector<std::string> argv = {"runner", "eval"};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
+  std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
+            << finished << " finished before; database " << database->path() << std::endl;
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+  PrintTable(database.get(), specs);
+  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+    std::cerr << "the same command goes on\n";
+  }
+  const int status = SweepStatus(planned, result);
+  return status != 0 ? status : failed_before;
+}
+
+}  // namespace dreamsearch

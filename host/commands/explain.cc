@@ -1,0 +1,310 @@
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "host/acting/activity_clock.h"
+#include "host/commands/commands.h"
+#include "host/acting/decision_tree.h"
+#include "host/acting/episode.h"
+#include "host/training/evaluation.h"
+#include "host/training/experiment.h"
+#include "host/commands/options.h"
+#include "host/commands/progress.h"
+#include "host/processes/question.h"
+#include "results/system/json_text.h"
+#include "results/figures/table.h"
+#include "host/settings/schedule.h"
+#include "host/processes/sweep.h"
+#include "host/commands/text_table.h"
+#include "host/processes/trained_run.h"
+
+namespace dreamsearch {
+
+namespace po = boost::program_options;
+
+namespace {
+
+constexpr char kHelp[] =
+    "runner explain RUN --decision T [--episode I] [--db FILE] [--out PREFIX]\n\n"
+    "Replays evaluation episode I from the run's newest checkpoint up to decision T,\n"
+    "and writes the tree that its search made there: PREFIX.json for programs and\n"
+    "PREFIX.html, one page without a network that shows the root's actions and every\n"
+    "edge with visits, Q, prior, reward and value. RUN is a training or an evaluation\n"
+    "(`runner eval`): its number or the beginning of its UUID from `runner status`.\n"
+    "Decisions and episodes count from 0. With --training the tree is one that a training\n"
+    "under `runner --record-trees` kept, noise of exploration included.\n\n"
+    "Example\n"
+    "  runner explain 3 --decision 120\n\n"
+    "Options";
+
+// What the run plays when it is evaluated with search, and its checkpoint.
+struct Subject {
+  RunSpec spec;  // an evaluation
+  std::filesystem::path agent;
+  results::RunInfo info;
+};
+
+Subject FindSubject(results::Database* database, const std::string& run,
+                    const std::vector<std::string>& plugin_path) {
+  Subject subject;
+  subject.info = database->GetRun(run);
+  subject.spec = RecordedSpec(database, subject.info);
+  if (subject.spec.evaluation) {
+    if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
+      std::cerr << "warning: run " << subject.info.run_id << " was played with another " << changed
+                << "\n";
+    }
+    subject.agent = AgentCheckpoint(database, subject.spec);
+    return subject;
+  }
+  const TrainedRun trained = FindTrainedRun(database, run, plugin_path);
+  for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
+  subject.spec = trained.spec;
+  subject.spec.planner = trained.spec.eval_planner;
+  EvaluationSpec& evaluation = subject.spec.evaluation.emplace();
+  evaluation.parent_run_id = trained.info.run_id;
+  evaluation.parent_uuid = trained.info.uuid;
+  evaluation.env_step = trained.env_step;
+  evaluation.agent_sha256 = trained.agent_sha256;
+  subject.agent = trained.checkpoint;
+  return subject;
+}
+
+Subject TrainingSubject(results::Database* database, const std::string& run) {
+  Subject subject;
+  subject.info = database->GetRun(run);
+  subject.spec = RecordedSpec(database, subject.info);
+  if (subject.spec.evaluation) {
+    throw RunnerError(ExitCode::kUsage, "runner explain: --training: run " +
+                                            std::to_string(subject.info.run_id) +
+                                            " is an evaluation and trained nothing");
+  }
+  return subject;
+}
+
+// The tree of a training decision as --record-trees kept it.
+nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& name,
+                        std::uint64_t episode, std::uint64_t decision) {
+  const std::filesystem::path path = Experiment::TreesPath(folder, episode);
+  if (!std::filesystem::exists(path)) {
+    throw RunnerError(ExitCode::kNotFound,
+                      name + " kept no trees of training episode " + std::to_string(episode) +
+                          " (" + path.string() +
+                          "): it was run without --record-trees, the episode has not ended, or "
+                          "its actions were random");
+  }
+  const CheckpointSections trees = ReadCheckpointFile(path);
+  const auto found = trees.find(Experiment::TreeSection(decision));
+  if (found == trees.end()) {
+    throw RunnerError(ExitCode::kUsage, "--decision: training episode " + std::to_string(episode) +
+                                            " has the trees of " + std::to_string(trees.size()) +
+                                            " decisions from 0, found " + std::to_string(decision));
+  }
+  return results::ParseJson(found->second);
+}
+
+std::string Number(double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+std::string ActionText(const nlohmann::json& action) {
+  std::string text = "[";
+  for (const auto& component : action) {
+    text += (text.size() > 1 ? " " : "") + Number(component.get<double>());
+  }
+  return text + "]";
+}
+
+// The root's most visited actions.
+void PrintRoot(const nlohmann::json& tree) {
+  const nlohmann::json& root = tree.at("root");
+  std::cout << "played " << ActionText(tree.at("action")) << ", root value "
+            << Number(root.at("value")) << ", " << root.at("simulations") << " simulations, "
+            << root.at("nodes") << " nodes, depth " << root.at("depth") << ", visit entropy "
+            << Number(root.at("visit_entropy")) << " nats\n";
+  std::vector<std::size_t> order;
+  const nlohmann::json& edges = tree.at("edges");
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    if (edges[i].at("parent") == -1) order.push_back(i);
+  }
+  const std::size_t all = order.size();
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const auto key = [&](std::size_t i) {
+      return std::pair(edges[i].at("visits").get<double>(), edges[i].at("q").get<double>());
+    };
+    return key(a) > key(b);
+  });
+  constexpr std::size_t kMost = 5;
+  if (order.size() > kMost) order.resize(kMost);
+  TextTable table(0);
+  table.Row({"", "action", "visits", "Q", "prior", "reward", "value"});
+  for (const std::size_t i : order) {
+    const nlohmann::json& edge = edges[i];
+    table.Row({tree.at("chosen_edge") == i ? "*" : "", ActionText(edge.at("action")),
+               std::to_string(edge.at("visits").get<std::uint64_t>()), Number(edge.at("q")),
+               Number(edge.at("prior")), Number(edge.at("reward")), Number(edge.at("value"))});
+  }
+  if (all > kMost) table.Note("and " + std::to_string(all - kMost) + " more actions");
+  table.Print(std::cout);
+}
+
+}  // namespace
+
+int ExplainCommand(const std::vector<std::string>& arguments) {
+  std::string run, db = "results/dreamsearch.db", out;
+  std::int64_t episode = 0, decision = -1;
+  bool training = false;
+  std::vector<std::string> plugin_path;
+  po::options_description flags(kHelp);
+  flags.add_options()("help", "show this help")("run", po::value(&run)->value_name("RUN"),
+                                                "the run")(
+      "decision", po::value(&decision)->value_name("T"), "decision of the episode, from 0")(
+      "episode", po::value(&episode)->value_name("I"), "episode of the evaluation, from 0 (0)")(
+      "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
+      "training", po::bool_switch(&training),
+      "a decision of training episode I, kept by --record-trees")(
+      "out", po::value(&out)->value_name("PREFIX"),
+      "what the two files' names begin with, or a folder for them "
+      "(runR_episodeI_decisionT; _training)");
+  flags.add(PluginPathFlag(&plugin_path));
+  po::positional_options_description positional;
+  positional.add("run", 1);
+  const po::variables_map given = ParseFlags("runner explain", arguments, flags, positional);
+  if (given.count("help") != 0) {
+    std::cout << flags;
+    return 0;
+  }
+  if (run.empty() || given.count("decision") == 0) {
+    throw RunnerError(ExitCode::kUsage,
+                      "runner explain: expected a run and a decision, for example runner explain "
+                      "3 --decision 120; `runner status` lists the runs");
+  }
+  if (decision < 0 || episode < 0) {
+    throw RunnerError(ExitCode::kUsage,
+                      "runner explain: --decision and --episode count from 0, found " +
+                          std::to_string(std::min(decision, episode)));
+  }
+  const auto database = results::Database::OpenReadOnly(db);
+  const Subject subject = training ? TrainingSubject(database.get(), run)
+                                   : FindSubject(database.get(), run, plugin_path);
+  const RunSpec& spec = subject.spec;
+  const std::string name =
+      "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
+  if (!training && spec.planner.name() == kActorPlanner) {
+    throw RunnerError(ExitCode::kUsage, name +
+                                            " plays the actor's mode and searches nothing: "
+                                            "there is no tree. `runner eval` evaluates it under "
+                                            "a planner, and that run can be explained");
+  }
+  const std::uint64_t episodes = spec.run.Integer("eval_episodes");
+  if (!training && static_cast<std::uint64_t>(episode) >= episodes) {
+    throw RunnerError(ExitCode::kUsage, "--episode: " + name + " is evaluated with " +
+                                            Counted(episodes, "episode") + ", expected 0 to " +
+                                            std::to_string(episodes - 1) + ", found " +
+                                            std::to_string(episode));
+  }
+  nlohmann::json tree;
+  if (training) {
+    tree = KeptTree(database->RunFolder(subject.info), name,
+                    static_cast<std::uint64_t>(episode), static_cast<std::uint64_t>(decision));
+  } else {
+    Question question;
+    question.command = "explain-decision";
+    question.who = name;
+    question.show_messages = true;
+    tree = Ask(question, {{"spec", ToJson(spec)},
+                          {"agent", subject.agent.string()},
+                          {"episode", episode},
+                          {"decision", decision}});
+    tree["env_step"] = spec.evaluation->env_step;
+  }
+  tree["format"] = "dreamsearch tree 1";
+  tree["run_id"] = subject.info.run_id;
+  tree["run_uuid"] = subject.info.uuid;
+  tree["env"] = spec.environment.name();
+  tree["planner"] = spec.planner.name();
+  tree["model"] = spec.model.name();
+  tree["seed"] = spec.seed;
+  tree["phase"] = training ? "training" : "evaluation";
+  tree["episode"] = episode;
+  tree["decision"] = decision;
+  out = OutputPath(out, "run" + std::to_string(subject.info.run_id) +
+                            (training ? "_training" : "") + "_episode" + std::to_string(episode) +
+                            "_decision" + std::to_string(decision));
+  results::WriteFile(out + ".json", results::JsonText(tree) + "\n");
+  results::WriteFile(out + ".html", TreePage(tree));
+  PrintRoot(tree);
+  std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()
+            << " edges\n";
+  return 0;
+}
+
+int ExplainDecisionMain() {
+  return AnswerMain([](const nlohmann::json& question) {
+    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+    const auto wanted = question.at("decision").get<std::uint64_t>();
+    const Components components(spec);
+    EvaluationPlayer player(components, spec,
+                            ReadAgent(spec, question.at("agent").get<std::string>()), 1, 1);
+    TreeCollector tree;
+    Decision decided;
+    std::vector<double> action, metrics;
+    std::uint64_t played = 0;
+    const double begin = ActivityClock::Now();
+    double shown = begin;
+    std::optional<std::uint64_t> next = question.at("episode").get<std::uint64_t>();
+    EpisodeFaults faults;
+    EpisodeCourse course;
+    course.next = [&] { return std::exchange(next, std::nullopt); };
+    course.go_on = [&](std::uint64_t, std::uint64_t t) {
+      const double now = ActivityClock::Now();
+      if (now - shown > 5) {
+        shown = now;
+        std::cerr << "replayed " << t << " of " << wanted << " decisions, about "
+                  << FormatDuration((now - begin) / static_cast<double>(t) *
+                                    static_cast<double>(wanted + 1 - t))
+                  << " left" << std::endl;
+      }
+      return t <= wanted;
+    };
+    course.tree = [&](std::uint64_t, std::uint64_t t) -> TreeSink* {
+      return t == wanted ? &tree : nullptr;
+    };
+    course.decided = [&](std::uint64_t, std::uint64_t t, const Decision& decision,
+                         const Agent& agent) {
+      played = t + 1;
+      if (t != wanted) return;
+      decided = decision;
+      action.assign(agent.action().begin(), agent.action().end());
+      metrics = agent.metrics();
+    };
+    course.ended = [](std::uint64_t, const results::EpisodeRow&) {};
+    course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+      faults.Add(index, std::move(error));
+    };
+    player.Play(course);
+    faults.RethrowFirst();
+    if (played <= wanted) {
+      throw RunnerError(ExitCode::kUsage, "--decision: expected 0 to " +
+                                              std::to_string(played - 1) +
+                                              " in that episode, found " + std::to_string(wanted));
+    }
+    const std::string who = "planner '" + spec.planner.name() + "'";
+    if (tree.faulty()) {
+      throw RunnerError(ExitCode::kInternal,
+                        who + " reported an edge before its parent, or memory ran out");
+    }
+    if (tree.edges().empty()) {
+      throw RunnerError(ExitCode::kBadInput, who + " reports no tree");
+    }
+    return TreeJson(tree, {action.data(), action.size()}, decided, metrics,
+                    components.planner().metrics);
+  });
+}
+
+}  // namespace dreamsearch

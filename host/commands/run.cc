@@ -1,0 +1,240 @@
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <set>
+#include <thread>
+
+#include "host/plugins/catalogue.h"
+#include "host/commands/commands.h"
+#include "dreamsearch/version.h"
+#include "host/commands/options.h"
+#include "host/processes/probe.h"
+#include "host/commands/progress.h"
+#include "host/settings/settings.h"
+#include "host/processes/supervisor.h"
+#include "host/processes/sweep.h"
+
+namespace dreamsearch {
+namespace {
+
+const char* ActionText(Action action) {
+  switch (action) {
+    case Action::kStart: return "start";
+    case Action::kResume: return "resume";
+    case Action::kStartOver: return "start over";
+    case Action::kSkipFinished: return "skip, finished";
+    case Action::kSkipFailed: return "skip, failed";
+    case Action::kSkipActive: return "skip, active";
+    case Action::kRefused: return "refuse";
+  }
+  return "";
+}
+
+// Measures each configuration once.
+std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs) {
+  std::map<std::string, ProbeResult> known;
+  std::vector<ProbeResult> results;
+  for (const RunSpec& spec : specs) {
+    const std::string key = CanonicalJson(spec);
+    auto found = known.find(key);
+    if (found == known.end()) {
+      std::cerr << "measuring " << spec.environment.name() << ", " << spec.planner.name() << " ..."
+                << std::endl;
+      found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, kProbeTimeoutSeconds)).first;
+    }
+    results.push_back(found->second);
+  }
+  return results;
+}
+
+// "mcts_pw.simulations = 6  (command line)" for every resolved setting of a run.
+std::vector<std::string> SettingLines(const RunSpec& spec) {
+  std::vector<std::string> lines;
+  const auto add = [&](const std::string& prefix, const ResolvedValues& values) {
+    for (const ResolvedValue& value : values.values) {
+      std::string line = prefix + "." + value.name + " = " + ValueText(value);
+      if (value.origin != ValueOrigin::kDefault) {
+        line += std::string("  (") + ValueOriginName(value.origin) + ")";
+      }
+      lines.push_back(std::move(line));
+    }
+  };
+  add("run", spec.run);
+  add(spec.environment.name(), spec.environment.parameters);
+  add("model " + spec.model.name(), spec.model.parameters);
+  add(spec.planner.name(), spec.planner.parameters);
+  if (spec.eval_planner.name() != spec.planner.name()) {
+    add(spec.eval_planner.name(), spec.eval_planner.parameters);
+  }
+  return lines;
+}
+
+// Every setting once: first what all configurations have, then under the tasks,
+// models and planners that have it what is left.
+void PrintSettings(const std::vector<PlannedRun>& runs) {
+  std::set<std::string> seen;
+  std::vector<const RunSpec*> configurations;
+  for (const PlannedRun& run : runs) {
+    if (seen.insert(CanonicalJson(run.spec)).second) configurations.push_back(&run.spec);
+  }
+  std::vector<std::string> order;
+  std::map<std::string, std::size_t> counts;
+  for (const RunSpec* spec : configurations) {
+    for (const std::string& line : SettingLines(*spec)) {
+      if (counts[line]++ == 0) order.push_back(line);
+    }
+  }
+  const bool one = configurations.size() == 1;
+  std::cout << "\nsettings" << (one ? "" : " of all") << " (preset "
+            << configurations.front()->preset << ")\n";
+  const auto print = [&](bool common) {
+    for (const std::string& line : order) {
+      if ((counts[line] == configurations.size()) == common) std::cout << "  " << line << "\n";
+    }
+  };
+  print(true);
+  if (std::all_of(order.begin(), order.end(),
+                  [&](const auto& line) { return counts[line] == configurations.size(); })) {
+    return;
+  }
+  std::cout << "\nsettings of the tasks, models and planners that they name\n";
+  print(false);
+}
+
+int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
+           const std::vector<ProbeResult>& probes) {
+  std::cout << "runs\n";
+  double seconds = 0, bytes = 0, longest = 0;
+  std::size_t work = 0;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const PlannedRun& run = runs[i];
+    std::cout << "  " << RunLabel(run.spec) << ": " << ActionText(run.action);
+    if (IsWork(run.action)) {
+      const RunEstimate estimate = EstimateRun(run.spec, probes[i]);
+      ++work;
+      seconds += estimate.seconds;
+      longest = std::max(longest, estimate.seconds);
+      bytes += estimate.database_bytes + estimate.file_bytes;
+      std::cout << ", " << GroupDigits(run.spec.steps()) << " environment steps, about "
+                << FormatDuration(estimate.seconds) << " on one core, "
+                << FormatBytes(estimate.database_bytes) << " of rows, "
+                << FormatBytes(estimate.file_bytes) << " of checkpoints";
+    }
+    if (!run.note.empty()) std::cout << " (" << run.note << ")";
+    std::cout << "\n";
+  }
+  PrintSettings(runs);
+  const auto jobs = static_cast<double>(
+      std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(
+                                                               options.process.jobs))));
+  std::cout << "\ntotal: " << work << " of " << Counted(runs.size(), "run") << " to work on, about "
+            << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs "
+            << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
+            << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n"
+            << "times were measured here just now; nothing was run or written\n";
+  return SweepStatus(runs, {});
+}
+
+// Of a budget that ends before learning begins; all runs of a command have the same.
+void WarnOfNoLearning(const std::vector<RunSpec>& specs) {
+  const std::uint64_t prefill = specs.front().run.Integer("prefill_steps");
+  const std::uint64_t steps = specs.front().steps();
+  if (steps > prefill) return;
+  std::cerr << "warning: --steps " << steps << " is not more than run.prefill_steps = " << prefill
+            << ", so every action of the training is random and "
+            << (steps < prefill ? "nothing is learned" : "nothing that is learned is tried")
+            << "; give more --steps, or a smaller number with --set run.prefill_steps=N\n";
+}
+
+// How to call another program of this installation from the current folder.
+std::string ProgramPath(const char* name) {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path path = self.parent_path() / name;
+  const std::filesystem::path relative = std::filesystem::relative(path, error);
+  return error || relative.empty() || relative.string().size() > path.string().size()
+             ? path.string()
+             : relative.string();
+}
+
+}  // namespace
+
+int RunCommand(const std::vector<std::string>& arguments) {
+  const Options options = ParseOptions(arguments);
+  if (options.help) {
+    std::cout << RunnerHelp();
+    return 0;
+  }
+  if (options.version) {
+    std::cout << "dreamsearch " DREAMSEARCH_VERSION ", plugin SDK " << DREAMSEARCH_SDK_MAJOR << "."
+              << DREAMSEARCH_SDK_MINOR << "\n";
+    return 0;
+  }
+  const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
+  for (const std::string& warning : catalogue.warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
+  WarnOfNoLearning(specs);
+  const bool exists = std::filesystem::exists(options.process.db);
+
+  if (options.process.dry_run) {
+    results::Database::CheckWritable(options.process.db.string());
+    const auto database =
+        exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
+    return DryRun(options, PlanSweep(database.get(), options.process, specs), MeasureAll(specs));
+  }
+
+  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
+  const auto database = results::Database::OpenOrCreate(options.process.db.string());
+  for (const std::string& warning : database->warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
+  std::map<Action, int> counts;
+  const int failed_before = SayLeftAlone(database.get(), planned);
+  for (const PlannedRun& run : planned) ++counts[run.action];
+  std::cerr << Counted(planned.size(), "run") << ":";
+  for (const auto& [action, count] : counts) {
+    std::cerr << " " << count << " to " << ActionText(action) << (action == counts.rbegin()->first ? "" : ",");
+  }
+  std::cerr << "; database " << database->path() << std::endl;
+
+  std::vector<std::string> argv = {"runner"};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  std::vector<SweepJob> jobs =
+      RecordSweep(database.get(), options.process, planned, tasks, argv);
+  const std::size_t work = jobs.size();
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+
+  std::map<results::RunStatus, int> ended;
+  for (const results::RunStatus status : result.statuses) ++ended[status];
+  if (work > 0) {
+    std::cerr << "of " << Counted(work, "run") << ":";
+    for (const auto& [status, count] : ended) {
+      std::cerr << " " << count << " " << results::RunStatusName(status);
+    }
+    std::cerr << std::endl;
+  }
+  if (failed_before != 0) {
+    std::cerr << counts[Action::kSkipFailed] << " failed before; --retry runs them again"
+              << std::endl;
+  }
+  const std::string db = options.process.db.string();
+  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+    std::cerr << "go on with the same command, or with: " << ProgramPath("runner")
+              << " resume --db " << db << "\n";
+  } else {
+    std::cerr << "next: " << ProgramPath("results") << " list --db " << db << "\n"
+              << "      " << ProgramPath("results") << " curves --db " << db
+              << " --out curves.svg\n";
+  }
+  const int status = SweepStatus(planned, result);
+  return status != 0 ? status : failed_before;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,52 @@
+#include "host/commands/text_table.h"
+
+#include <algorithm>
+#include <sstream>
+#include <utility>
+
+namespace dreamsearch {
+namespace {
+
+std::size_t Characters(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
+}  // namespace
+
+void TextTable::Row(std::vector<std::string> cells) { lines_.push_back({std::move(cells), ""}); }
+
+void TextTable::Note(std::string text) { lines_.push_back({{}, std::move(text)}); }
+
+void TextTable::Print(std::ostream& out) const {
+  std::vector<std::size_t> widths;
+  for (const Line& line : lines_) {
+    widths.resize(std::max(widths.size(), line.cells.size()));
+    for (std::size_t i = 0; i < line.cells.size(); ++i) {
+      widths[i] = std::max(widths[i], Characters(line.cells[i]));
+    }
+  }
+  for (const Line& line : lines_) {
+    std::string text(indent_, ' ');
+    for (std::size_t i = 0; i < line.cells.size(); ++i) {
+      text += line.cells[i] + std::string(widths[i] - Characters(line.cells[i]) + 2, ' ');
+    }
+    if (line.cells.empty()) text = line.note;
+    text.erase(text.find_last_not_of(' ') + 1);
+    out << text << '\n';
+  }
+}
+
+std::string WrapText(const std::string& text, std::size_t width, std::size_t indent) {
+  std::istringstream words(text);
+  std::string wrapped, line;
+  for (std::string word; words >> word;) {
+    if (!line.empty() && indent + Characters(line) + 1 + Characters(word) > width) {
+      wrapped += std::string(indent, ' ') + std::exchange(line, {}) + '\n';
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return wrapped + std::string(indent, ' ') + line;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,138 @@
+#include <stdlib.h>
+
+#include <iostream>
+
+#include "host/commands/commands.h"
+#include "host/commands/options.h"
+#include "host/processes/probe.h"
+#include "host/system/provenance.h"
+#include "results/database/verification.h"
+#include "host/processes/supervisor.h"
+#include "host/processes/sweep.h"
+
+namespace dreamsearch {
+
+namespace po = boost::program_options;
+
+namespace {
+
+constexpr char kHelp[] =
+    "runner verify RUN [--db FILE]\n\n"
+    "Runs a finished run, training or evaluation, again from its stored settings and\n"
+    "seeds in a temporary database, which takes as long as it took, and compares: equal,\n"
+    "or where the two first differ (exit status 78). First it checks that the stored\n"
+    "episodes have the stored digest; `results verify` checks every stored row. RUN is a\n"
+    "number or the beginning of a UUID from `runner status`. A run is the same on one kind\n"
+    "of machine, with the same programs; when they have changed, --force compares anyway.\n\n"
+    "Example\n"
+    "  runner verify 3\n\n"
+    "Options";
+
+// A folder that is gone when this is.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "dreamsearch_XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw RunnerError(ExitCode::kCannotCreate, "cannot create the folder " + name);
+    }
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace
+
+int VerifyCommand(const std::vector<std::string>& arguments) {
+  ProcessOptions options;
+  std::string what;
+  bool force = false;
+  po::options_description flags(kHelp);
+  flags.add_options()("help", "show this help")("run", po::value(&what)->value_name("RUN"),
+                                                "the run")(
+      "force", po::bool_switch(&force),
+      "compare though a plugin or the instruction set has changed");
+  flags.add(LimitFlags(&options));
+  po::positional_options_description positional;
+  positional.add("run", 1);
+  const po::variables_map given = ParseFlags("runner verify", arguments, flags, positional);
+  if (given.count("help") != 0) {
+    std::cout << flags;
+    return 0;
+  }
+  if (what.empty()) {
+    throw RunnerError(ExitCode::kUsage,
+                      "runner verify: expected a run, for example runner verify 3; `runner "
+                      "status` lists them");
+  }
+  const auto database = results::Database::OpenReadOnly(options.db.string());
+  const results::RunInfo run = database->GetRun(what);
+  RunSpec spec = RecordedSpec(database.get(), run);
+  const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
+  if (run.status != results::RunStatus::kFinished) {
+    throw RunnerError(ExitCode::kUsage, name + " is " + results::RunStatusName(run.status) +
+                                            "; expected a finished run");
+  }
+  if (database->ComputeResultDigest(run.run_id) != run.result_digest) {
+    std::cout << "different: the stored episodes of " << name << " do not have its stored digest\n";
+    return static_cast<int>(ExitCode::kVerificationFailed);
+  }
+  std::string changed = ChangedFile(spec);
+  if (!changed.empty()) changed = "plugin " + changed;
+  const std::string instruction_set = database->GetBuild(run.build_id).instruction_set;
+  if (changed.empty() && instruction_set != InstructionSetInUse()) {
+    changed = "instruction set (" + instruction_set + " then, " + InstructionSetInUse() + " now)";
+  }
+  if (!changed.empty()) {
+    if (!force) {
+      throw RunnerError(ExitCode::kPluginRefused, name + " was made with another " + changed +
+                                                      ". Use --force to compare anyway");
+    }
+    std::cerr << "warning: " << name << " was made with another " << changed << "\n";
+    for (ResolvedComponent* component :
+         {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
+      ComponentInfo info = *component->info;
+      info.plugin.sha256 = FileSha256(info.plugin.path);
+      component->info = std::make_shared<const ComponentInfo>(std::move(info));
+    }
+  }
+
+  const std::filesystem::path agent = AgentCheckpoint(database.get(), spec);
+  // The temporary database has no trained run to name.
+  if (spec.evaluation) spec.evaluation->parent_run_id = 0;
+  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+  const TemporaryFolder folder;
+  const auto repeated = results::Database::OpenOrCreate((folder.path() / "verify.db").string());
+  PlannedRun planned;
+  planned.spec = spec;
+  std::vector<SweepJob> jobs =
+      RecordSweep(repeated.get(), options, {planned}, {task}, {"runner", "verify"});
+  jobs.front().work.agent_checkpoint = agent;
+  const std::int64_t repeated_id = jobs.front().work.run_id;
+  const SweepResult result = RunSweep(repeated.get(), options, std::move(jobs));
+  if (result.exit_status != 0) return result.exit_status;
+
+  const results::RunInfo again = *repeated->GetRun(repeated_id);
+  if (again.result_digest == run.result_digest) {
+    std::cout << "equal: " << name << ", result digest " << run.result_digest << "\n";
+    return 0;
+  }
+  std::cout << "different: " << name << ", stored result digest " << run.result_digest
+            << ", repeated " << again.result_digest << "\n";
+  for (const std::string& difference :
+       results::CompareRuns(database.get(), run.run_id, repeated.get(), repeated_id)) {
+    std::cout << "first differing " << difference << "\n";
+  }
+  return static_cast<int>(ExitCode::kVerificationFailed);
+}
+
+}  // namespace dreamsearch

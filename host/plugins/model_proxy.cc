@@ -1,0 +1,113 @@
+#include "host/plugins/model_proxy.h"
+
+#include <cmath>
+
+namespace dreamsearch {
+namespace {
+
+// Index of the first entry that is not finite, or `size`.
+std::uint64_t FirstNotFinite(const double* data, std::uint64_t size) {
+  for (std::uint64_t i = 0; i < size; ++i) {
+    if (!std::isfinite(data[i])) return i;
+  }
+  return size;
+}
+
+}  // namespace
+
+ModelProxy::ModelProxy(LatentModel* model, std::string name)
+    : model_(model),
+      name_(std::move(name)),
+      latent_bytes_(model->latent_bytes()),
+      action_size_(model->action_size()) {}
+
+Status ModelProxy::Keep(Status status) noexcept {
+  if (!status.ok() && fault_.ok()) fault_ = status;
+  return status;
+}
+
+Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept {
+  const std::uint64_t rows = request.latents.rows;
+  if (request.latents.cols != latent_bytes_ || request.actions.rows != rows ||
+      request.actions.cols != action_size_ || request.seeds.size != rows ||
+      result.latents.rows != rows || result.latents.cols != latent_bytes_ ||
+      result.rewards.size != rows || result.discounts.size != rows) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': Imagine of %llu latents was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(rows)));
+  }
+  if (FirstNotFinite(request.actions.data, request.actions.size()) != request.actions.size()) {
+    return Keep(Error(StatusCode::kNotFinite, "model '%s': Imagine was asked about an action that "
+                      "is not finite", name_.c_str()));
+  }
+  transitions_ += rows;
+  const Status status = model_->Imagine(request, result);
+  if (!status.ok()) return Keep(status);
+  if (const std::uint64_t i = FirstNotFinite(result.rewards.data, rows); i != rows) {
+    return Keep(Error(StatusCode::kNotFinite, "model '%s': imagined reward %g is not finite",
+                      name_.c_str(), result.rewards[i]));
+  }
+  if (const std::uint64_t i = FirstNotFinite(result.discounts.data, rows); i != rows) {
+    return Keep(Error(StatusCode::kNotFinite, "model '%s': imagined discount %g is not finite",
+                      name_.c_str(), result.discounts[i]));
+  }
+  return OkStatus();
+}
+
+Status ModelProxy::Value(ConstLatents latents, const ValueResult& result) noexcept {
+  if (latents.cols != latent_bytes_ || !HasRoom(result, latents.rows)) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': Value of %llu latents was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+  }
+  const Status status = model_->Value(latents, result);
+  if (!status.ok()) return Keep(status);
+  const struct {
+    const char* what;
+    View<double> values;
+  } answers[] = {{"value", result.values},
+                 {"deviation of a value", result.deviations},
+                 {"least value", result.least}};
+  for (const auto& [what, values] : answers) {
+    if (const std::uint64_t i = FirstNotFinite(values.data, values.size); i != values.size) {
+      return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g is not finite", name_.c_str(),
+                        what, values[i]));
+    }
+  }
+  return OkStatus();
+}
+
+Status ModelProxy::ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept {
+  if (latents.cols != latent_bytes_ || actions.rows != latents.rows ||
+      actions.cols != action_size_) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': ProposeMode of %llu latents was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+  }
+  const Status status = model_->ProposeMode(latents, actions);
+  if (!status.ok()) return Keep(status);
+  if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
+    return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
+                      name_.c_str()));
+  }
+  return OkStatus();
+}
+
+Status ModelProxy::ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
+                                  MatrixView<double> actions) noexcept {
+  if (latents.cols != latent_bytes_ || latents.rows == 0 || actions.rows % latents.rows != 0 ||
+      actions.cols != action_size_ || seeds.size != latents.rows) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': ProposeSamples of %llu latents was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+  }
+  const Status status = model_->ProposeSamples(latents, seeds, actions);
+  if (!status.ok()) return Keep(status);
+  if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
+    return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
+                      name_.c_str()));
+  }
+  return OkStatus();
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,134 @@
+#include "host/processes/child_process.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "host/system/error.h"
+
+extern char** environ;
+
+namespace dreamsearch {
+namespace {
+
+[[noreturn]] void ThrowErrno(const char* what, int error) {
+  throw RunnerError(ExitCode::kInternal, std::string("cannot ") + what + ": " +
+                                             std::strerror(error));
+}
+
+}  // namespace
+
+void Descriptor::Close() {
+  if (fd_ >= 0) ::close(fd_);
+  fd_ = -1;
+}
+
+Pipe MakePipe() {
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) ThrowErrno("make a pipe", errno);
+  Pipe made{Descriptor(ends[0]), Descriptor(ends[1])};
+  ::fcntl(made.read.get(), F_SETFL, O_NONBLOCK);
+  return made;
+}
+
+Descriptor MemoryFile(const std::string& text) {
+  Descriptor file(::memfd_create("dreamsearch", MFD_CLOEXEC));
+  if (file.get() < 0) ThrowErrno("make a memory file", errno);
+  if (!WriteAll(file.get(), text)) ThrowErrno("write a memory file", errno);
+  ::lseek(file.get(), 0, SEEK_SET);
+  return file;
+}
+
+pid_t StartChild(const ChildSpec& spec) {
+  std::vector<std::string> arguments = {"runner"};
+  arguments.insert(arguments.end(), spec.arguments.begin(), spec.arguments.end());
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+
+  // Duplicates above 4 first, so that no dup2 overwrites a source.
+  const auto lifted = [](int fd) {
+    return Descriptor(fd < 0 ? ::open("/dev/null", O_RDWR | O_CLOEXEC)
+                             : ::fcntl(fd, F_DUPFD_CLOEXEC, 10));
+  };
+  const Descriptor input = lifted(spec.input);
+  const Descriptor log = lifted(spec.log);
+  const Descriptor report = lifted(spec.report);
+  const Descriptor threads = spec.threads < 0 ? Descriptor() : lifted(spec.threads);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, input.get(), 0);
+  posix_spawn_file_actions_adddup2(&actions, log.get(), 1);
+  posix_spawn_file_actions_adddup2(&actions, log.get(), 2);
+  posix_spawn_file_actions_adddup2(&actions, report.get(), kReportDescriptor);
+  if (threads.get() >= 0) {
+    posix_spawn_file_actions_adddup2(&actions, threads.get(), kThreadsDescriptor);
+  }
+
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  sigset_t none, defaults;
+  sigemptyset(&none);
+  sigemptyset(&defaults);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP, SIGPIPE}) {
+    sigaddset(&defaults, signal);
+  }
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &defaults);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK |
+                                            POSIX_SPAWN_SETSIGDEF);
+  pid_t pid = -1;
+  const int error =
+      ::posix_spawn(&pid, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  posix_spawnattr_destroy(&attributes);
+  if (error != 0) ThrowErrno("start a worker process", error);
+  return pid;
+}
+
+std::string DescribeWaitStatus(int status) {
+  if (WIFSIGNALED(status)) {
+    const int signal = WTERMSIG(status);
+    return "signal " + std::to_string(signal) + " (" + ::strsignal(signal) + ")";
+  }
+  return "exit status " + std::to_string(WEXITSTATUS(status));
+}
+
+std::string ReadAll(int fd) {
+  std::string text;
+  char buffer[65536];
+  for (;;) {
+    const ssize_t got = ::read(fd, buffer, sizeof buffer);
+    if (got > 0) {
+      text.append(buffer, static_cast<std::size_t>(got));
+    } else if (got == 0) {
+      return text;
+    } else if (errno != EINTR) {
+      throw RunnerError(ExitCode::kInputOutput, std::string("cannot read: ") +
+                                                    std::strerror(errno));
+    }
+  }
+}
+
+bool WriteAll(int fd, const std::string& text) {
+  std::size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t now = ::write(fd, text.data() + written, text.size() - written);
+    if (now >= 0) {
+      written += static_cast<std::size_t>(now);
+    } else if (errno != EINTR) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace dreamsearch

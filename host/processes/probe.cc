@@ -1,0 +1,262 @@
+#include "host/processes/probe.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "host/acting/activity_clock.h"
+#include "host/acting/agent.h"
+#include "host/acting/components.h"
+#include "host/acting/episode.h"
+#include "host/acting/joint_model.h"
+#include "host/processes/question.h"
+#include "host/training/replay.h"
+#include "host/settings/schedule.h"
+
+namespace dreamsearch {
+namespace {
+
+// Repeats `piece` for about `seconds` and at least twice, the first time uncounted;
+// returns seconds each.
+template <typename Piece>
+double SecondsOf(double seconds, Piece piece) {
+  piece();
+  const double begin = ActivityClock::Now();
+  double elapsed = 0;
+  int count = 0;
+  do {
+    piece();
+    ++count;
+    elapsed = ActivityClock::Now() - begin;
+  } while (elapsed < seconds);
+  return elapsed / count;
+}
+
+RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environment* environment) {
+  RunCosts costs;
+  const EnvironmentSpec& figures = environment->spec();
+  std::vector<double> observation(figures.observation_size);
+  const View<double> observed{observation.data(), observation.size()};
+  std::vector<double> action(figures.action_size), bounded(figures.action_size);
+  const View<double> chosen{action.data(), action.size()};
+  Random random(SeedFor(spec.seed, SeedUse::kRandomAction, Phase::kEvaluation, 0, 0));
+  std::uint32_t episode = 0;
+  StepResult step;
+  step.last = true;
+  const auto act = [&] {
+    if (step.last) {
+      ThrowUnlessOk(environment->Reset(episode++, observed), "environment Reset");
+      step.last = false;
+    }
+    for (double& entry : action) entry = random.Uniform(-1, 1);
+    ToEnvironmentBounds(figures, chosen, {bounded.data(), bounded.size()});
+    ThrowUnlessOk(environment->Step({bounded.data(), bounded.size()}, observed, &step),
+                  "environment Step");
+  };
+  costs.environment_step = SecondsOf(0.1, act);
+
+  const EnvironmentPtr model_environment =
+      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get());
+  const PlannerPtr planner = components.MakePlanner(*model);
+  Agent::Parts parts;
+  parts.model = model.get();
+  parts.model_name = spec.model.name();
+  parts.planner = planner.get();
+  parts.planner_name = spec.planner.name();
+  parts.metrics = components.planner().metrics.size;
+  parts.environment = environment;
+  parts.model_needs_environment = components.model().needs_environment;
+  Agent explorer(parts);
+  explorer.BeginEpisode(Phase::kTraining, 0);
+  costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
+
+  // Evaluations decide for several episodes side by side; here for as many of them as can
+  // be measured in moments (SecondsOf makes at least three pieces).
+  constexpr double kMoments = 20;
+  const double affordable = std::max(1.0, kMoments / (3 * costs.training_decision));
+  const auto together = static_cast<std::uint64_t>(
+      std::min({affordable, static_cast<double>(EpisodePlayers::kMost),
+                static_cast<double>(spec.run.Integer("eval_episodes"))}));
+  JointModel joint(model.get(), together);
+  const auto evaluation_decision = [&](bool search) {
+    std::vector<PlannerPtr> planners;
+    std::vector<std::unique_ptr<Agent>> agents;
+    parts.planner = nullptr;
+    parts.planner_name = spec.eval_planner.name();
+    parts.metrics = search ? components.evaluation_planner().metrics.size : 0;
+    for (std::size_t i = 0; i < joint.seats(); ++i) {
+      parts.model = joint.seat(i);
+      if (search) {
+        planners.push_back(components.MakeEvaluationPlanner(*model));
+        parts.planner = planners.back().get();
+      }
+      agents.push_back(std::make_unique<Agent>(parts));
+      agents.back()->BeginEpisode(Phase::kEvaluation, i);
+    }
+    EpisodeFaults faults;
+    const double seconds = SecondsOf(0.3, [&] {
+      joint.Run([&](std::size_t i) {
+        try {
+          agents[i]->Decide(observed, false, 0);
+        } catch (...) {
+          faults.Add(i, std::current_exception());
+        }
+      });
+      faults.RethrowFirst();
+    });
+    return seconds / static_cast<double>(agents.size());
+  };
+  costs.search_evaluation_decision = evaluation_decision(true);
+  costs.actor_evaluation_decision = evaluation_decision(false);
+
+  const std::uint64_t length = spec.run.Integer("sequence_length");
+  Replay replay(figures.observation_size, figures.action_size, 2 * length + 2);
+  replay.BeginEpisode(observed);
+  for (std::uint64_t i = 0; i < 2 * length; ++i) {
+    act();
+    replay.Add(chosen, step.reward, step.discount, observed);
+  }
+  replay.EndEpisode();
+  costs.replay_row_bytes =
+      static_cast<double>(replay.Save().size()) / static_cast<double>(replay.rows());
+  std::vector<double> metrics(components.model().metrics.size);
+  std::uint64_t update = 0;
+  bool learns = true;
+  const double seconds = SecondsOf(0.5, [&] {
+    TrainRequest request;
+    request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
+    request.seed = update;
+    request.update = update++;
+    const Status status = model->Train(request, {metrics.data(), metrics.size()});
+    if (status.code == StatusCode::kUnimplemented) {
+      learns = false;
+    } else {
+      ThrowUnlessOk(status, "model '" + spec.model.name() + "' Train");
+    }
+  });
+  costs.update = learns ? seconds : 0;
+  StringSink saved;
+  ThrowUnlessOk(model->Save(&saved), "model '" + spec.model.name() + "' Save");
+  costs.checkpoint_bytes = static_cast<double>(saved.bytes.size());
+  return costs;
+}
+
+// As the run will make them.
+void MakeComponents(const Components& components, const EnvironmentSpec& figures) {
+  const EnvironmentPtr model_environment =
+      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+  const ModelPtr behaviour = components.MakeBehaviour(figures, 1);
+  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get(), behaviour.get());
+  components.MakePlanner(*model);
+  components.MakeEvaluationPlanner(*model);
+}
+
+}  // namespace
+
+int ProbeMain() {
+  return AnswerMain([](const nlohmann::json& question) {
+    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+    const Components components(spec);
+    const EnvironmentPtr environment = components.MakeEnvironment();
+    const EnvironmentSpec& figures = environment->spec();
+    nlohmann::json answer;
+    nlohmann::json& task = answer["task"];
+    task["observation_size"] = figures.observation_size;
+    task["action_size"] = figures.action_size;
+    task["control_seconds"] = figures.control_seconds;
+    task["substeps"] = figures.substeps;
+    task["episode_steps"] = figures.episode_steps;
+    task["return_low"] = figures.return_low;
+    task["return_high"] = figures.return_high;
+    const auto depth = question.at("depth").get<ProbeDepth>();
+    if (depth == ProbeDepth::kComponents) MakeComponents(components, figures);
+    if (depth == ProbeDepth::kCosts) {
+      const RunCosts costs = MeasureCosts(spec, components, environment.get());
+      answer["costs"] = {costs.environment_step,
+                         costs.training_decision,
+                         costs.search_evaluation_decision,
+                         costs.actor_evaluation_decision,
+                         costs.update,
+                         costs.checkpoint_bytes,
+                         costs.replay_row_bytes};
+    }
+    return answer;
+  });
+}
+
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds) {
+  Question question;
+  question.command = "probe";
+  question.who = spec.environment.name() + ", " + spec.model.name() + ", " + spec.planner.name();
+  question.timeout_seconds = timeout_seconds;
+  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)}, {"depth", depth}});
+  ProbeResult result;
+  const nlohmann::json& task = answer.at("task");
+  result.task.name = spec.environment.name();
+  result.task.domain = spec.environment.info->plugin.name;
+  result.task.observation_size = task.at("observation_size");
+  result.task.action_size = task.at("action_size");
+  result.task.control_seconds = task.at("control_seconds");
+  result.task.substeps = task.at("substeps");
+  result.task.episode_steps = task.at("episode_steps");
+  result.task.return_low = task.at("return_low");
+  result.task.return_high = task.at("return_high");
+  if (depth == ProbeDepth::kCosts) {
+    const nlohmann::json& costs = answer.at("costs");
+    result.costs = {costs[0], costs[1], costs[2], costs[3], costs[4], costs[5], costs[6]};
+  }
+  return result;
+}
+
+std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {
+  std::vector<results::TaskInfo> tasks;
+  std::map<std::string, results::TaskInfo> known;  // by configuration
+  for (const RunSpec& spec : specs) {
+    const auto [entry, added] = known.try_emplace(CanonicalJson(spec));
+    if (added) {
+      try {
+        entry->second = ProbeRun(spec, ProbeDepth::kComponents, kProbeTimeoutSeconds).task;
+      } catch (const RunnerError& error) {
+        if (error.code() == ExitCode::kUsage) throw;
+        entry->second = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+      }
+    }
+    tasks.push_back(entry->second);
+  }
+  return tasks;
+}
+
+RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
+  const RunCosts& costs = probe.costs;
+  const Schedule schedule(spec, static_cast<std::uint64_t>(probe.task.episode_steps));
+  const auto count = [](std::uint64_t n) { return static_cast<double>(n); };
+  const double evaluation_decisions =
+      count(schedule.evaluations() * spec.run.Integer("eval_episodes") *
+            schedule.decisions_per_episode());
+  const double evaluation_steps = evaluation_decisions * spec.action_repeat();
+  const bool search = spec.eval_planner.name() != kActorPlanner;
+  RunEstimate estimate;
+  estimate.seconds = count(spec.steps()) * costs.environment_step +
+                     count(schedule.planned_decisions()) * costs.training_decision +
+                     count(schedule.updates()) * costs.update +
+                     evaluation_decisions * costs.actor_evaluation_decision +
+                     evaluation_steps * costs.environment_step +
+                     (search ? evaluation_decisions * costs.search_evaluation_decision +
+                                   evaluation_steps * costs.environment_step
+                             : 0);
+  // Measured: about 50 bytes a decision row, 150 an episode or scalar row.
+  const double episodes = count(schedule.training_episodes());
+  const double scalars =
+      episodes * count(spec.planner.info->metrics.size() + spec.model.info->metrics.size() + 6);
+  estimate.database_bytes =
+      50 * count(schedule.decisions()) +
+      150 * (episodes + count(schedule.evaluations() * spec.run.Integer("eval_episodes") * 2)) +
+      50 * scalars + 20000;
+  // Two checkpoints are kept and a third is written before one goes.
+  estimate.file_bytes =
+      3 * (costs.checkpoint_bytes + costs.replay_row_bytes * count(schedule.replay_rows()));
+  return estimate;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,63 @@
+// probe.h - asks plugins about a run, in a child process, without running it.
+//
+// The supervisor loads no plugin, but needs a task's figures before it can record
+// a run, and for a dry run what its pieces cost on this machine.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "results/database/database.h"
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+// Seconds of the pieces a run is made of, measured here and now, and bytes.
+struct RunCosts {
+  double environment_step = 0;
+  double training_decision = 0;  // posterior update and exploring search
+  double search_evaluation_decision = 0;  // its share, beside the other episodes
+  double actor_evaluation_decision = 0;
+  double update = 0;
+  double checkpoint_bytes = 0;  // without the replay
+  double replay_row_bytes = 0;
+};
+
+struct RunEstimate {
+  double seconds = 0;
+  double database_bytes = 0;
+  double file_bytes = 0;  // checkpoints, at their largest
+};
+
+struct ProbeResult {
+  results::TaskInfo task;
+  RunCosts costs;  // zero unless measured
+};
+
+// How much a probe asks for.
+enum class ProbeDepth {
+  kTask,        // makes the environment
+  kComponents,  // and the model and the planners
+  kCosts,       // and measures them
+};
+
+// What every command grants a probe.
+inline constexpr double kProbeTimeoutSeconds = 120;
+
+// Throws RunnerError with the child's message and exit code; 71 if it crashed or
+// took longer than `timeout_seconds` of wall time.
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds);
+
+// The tasks of a sweep, one a spec. Makes the components of every configuration once, so
+// that nothing is written for settings that do not go together: throws RunnerError 2 for
+// those, and what ProbeRun throws for an environment. Another fault of a model or a planner
+// is left to cost its own run.
+std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs);
+
+// What the whole run takes at those costs.
+RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe);
+
+// The child's side; reads the run from standard input, answers on descriptor 3.
+int ProbeMain();
+
+}  // namespace dreamsearch

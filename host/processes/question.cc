@@ -1,0 +1,99 @@
+#include "host/processes/question.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <new>
+#include <nlohmann/json.hpp>
+
+#include "host/acting/activity_clock.h"
+#include "host/processes/child_process.h"
+#include "host/system/error.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+
+namespace dreamsearch {
+
+nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
+  Pipe pipe = MakePipe();
+  const Descriptor input = MemoryFile(results::JsonText(content));
+  ChildSpec child;
+  child.arguments = {question.command};
+  child.input = input.get();
+  child.log = question.show_messages ? STDERR_FILENO : -1;
+  child.report = pipe.write.get();
+  const pid_t pid = StartChild(child);
+  pipe.write.Close();
+
+  std::string text;
+  const double deadline = ActivityClock::Now() + question.timeout_seconds;
+  bool timed_out = false;
+  for (;;) {
+    pollfd polled{pipe.read.get(), POLLIN, 0};
+    const double left = question.timeout_seconds > 0 ? deadline - ActivityClock::Now() : 1;
+    if (left <= 0) {
+      timed_out = true;
+      ::kill(pid, SIGKILL);
+      break;
+    }
+    if (::poll(&polled, 1, std::max(1, static_cast<int>(left * 1000))) <= 0) continue;
+    char buffer[65536];
+    const ssize_t got = ::read(pipe.read.get(), buffer, sizeof buffer);
+    if (got > 0) {
+      text.append(buffer, static_cast<std::size_t>(got));
+    } else if (got == 0 || (errno != EAGAIN && errno != EINTR)) {
+      break;
+    }
+  }
+  int status = 0;
+  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (timed_out) {
+    throw RunnerError(ExitCode::kPluginCrashed,
+                      "the components of " + question.who + " did not answer within " +
+                          std::to_string(static_cast<int>(question.timeout_seconds)) + " s");
+  }
+  nlohmann::json answer = results::ParseJsonOrDiscard(text);
+  if (answer.is_object() && answer.contains("error")) {
+    throw RunnerError(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
+                      answer["error"].get<std::string>());
+  }
+  if (!answer.is_object() || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+    throw RunnerError(ExitCode::kPluginCrashed, "`runner " + question.command +
+                                                    "` with the components of " + question.who +
+                                                    " ended with " + DescribeWaitStatus(status));
+  }
+  return answer;
+}
+
+int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answer) {
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  ::signal(SIGPIPE, SIG_IGN);
+  nlohmann::json text;
+  int status = 0;
+  const auto fail = [&](const std::string& message, int code) {
+    text = {{"error", message}};
+    status = code;
+  };
+  try {
+    text = answer(results::ParseJson(ReadAll(0)));
+  } catch (const RunnerError& error) {
+    fail(error.what(), error.exit_status());
+  } catch (const results::Error& error) {
+    fail(error.what(), error.exit_code());
+  } catch (const nlohmann::json::exception& error) {
+    fail(std::string("this command is started by `runner` itself: ") + error.what(),
+         static_cast<int>(ExitCode::kInternal));
+  } catch (const std::bad_alloc&) {
+    fail("out of memory", static_cast<int>(ExitCode::kInternal));
+  }
+  WriteAll(kReportDescriptor, results::JsonTextReplacing(text) + "\n");
+  return status;
+}
+
+}  // namespace dreamsearch

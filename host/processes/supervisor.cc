@@ -1,0 +1,605 @@
+#include "host/processes/supervisor.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <exception>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <memory>
+#include <sstream>
+
+#include "host/acting/activity_clock.h"
+#include "host/processes/child_process.h"
+#include "host/processes/cores.h"
+#include "host/commands/progress.h"
+#include "host/processes/report.h"
+#include "host/processes/thread_grant.h"
+
+namespace dreamsearch {
+namespace {
+
+// How long a run that was asked to end may take for its checkpoint.
+constexpr double kGraceSeconds = 60;
+
+// How often it is tried again to record what could not be.
+constexpr double kRecordAgainSeconds = 1;
+
+// How soon a run takes a core that another command's run has left, or gives it back.
+constexpr double kShareAgainSeconds = 0.25;
+
+// So much of a log is searched for its last line.
+constexpr std::streamoff kLogEndBytes = 64 << 10;
+
+std::atomic<int> stop_signals{0};
+
+void OnStopSignal(int) { ++stop_signals; }
+
+// Counts stop signals while it lives.
+class StopSignals {
+ public:
+  StopSignals() {
+    stop_signals = 0;
+    struct sigaction action{};
+    action.sa_handler = OnStopSignal;
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &action, &before_[i]);
+  }
+  ~StopSignals() {
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
+  }
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+  static bool Includes(int signal) {
+    return std::find(std::begin(kSignals), std::end(kSignals), signal) != std::end(kSignals);
+  }
+
+ private:
+  static constexpr std::size_t kCount = 4;
+  static constexpr int kSignals[kCount] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
+  struct sigaction before_[kCount];
+};
+
+// Processor seconds a process has used; a stopped process uses none. Negative if
+// it is gone.
+double ProcessorSeconds(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const std::size_t after_name = text.rfind(')');
+  if (after_name == std::string::npos) return -1;
+  std::istringstream fields(text.substr(after_name + 2));
+  std::string skipped;
+  for (int i = 0; i < 11; ++i) fields >> skipped;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
+}
+
+// The last line of a log, for the message about a crash; a plugin may have filled it.
+std::string LastLine(const std::filesystem::path& log) {
+  std::ifstream file(log);
+  file.seekg(0, std::ios::end);
+  file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
+  std::string last;
+  for (std::string line; std::getline(file, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last.substr(0, 300);
+}
+
+struct ActiveRun {
+  std::size_t index = 0;
+  pid_t pid = -1;
+  std::int64_t after_segment = -1;  // the run's last one when it was started
+  Descriptor reports;
+  std::unique_ptr<ThreadGrant> grant;
+  std::vector<std::size_t> places;  // among the runs that share the cores
+  std::string unread;
+  double started = 0;
+  double processor_at_report = 0;
+  std::uint64_t decisions = 1;  // side by side since then
+  RateMeter rate;
+  ProgressDisplay::Line line;
+  std::string error;
+  bool done = false;
+  // Why the supervisor asked it to end with a checkpoint, if it did, and when.
+  enum class Asked { kNo, kTimeLimit, kStop } asked = Asked::kNo;
+  double asked_at = 0;
+  // Why the supervisor killed it, if it did.
+  enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
+};
+
+// What became of a run.
+struct Ending {
+  std::size_t index = 0;
+  results::WorkerInfo worker;
+  results::RunStatus status = results::RunStatus::kFailed;
+  int exit_code = 0;
+  std::string error;
+  std::int64_t env_step = 0;  // of training, as far as reports told
+};
+
+class Sweep {
+ public:
+  Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs)
+      : database_(database), options_(options), jobs_(std::move(jobs)) {
+    result_.statuses.assign(jobs_.size(), results::RunStatus::kQueued);
+    exit_codes_.assign(jobs_.size(), 0);
+    for (const SweepJob& job : jobs_) {
+      const std::optional<results::RunInfo> run = database_->GetRun(job.work.run_id);
+      planned_after_.push_back(run ? run->last_segment : -1);
+    }
+    // Of an evaluation, whose times count, --jobs is the number of threads, the same to its end.
+    const std::size_t at_once =
+        std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
+    for (SweepJob& job : jobs_) {
+      if (!job.work.spec.evaluation) continue;
+      job.work.evaluation_threads = static_cast<std::uint32_t>(
+          std::clamp<std::size_t>(static_cast<std::size_t>(options.jobs) / at_once, 1,
+                                  job.work.spec.run.Integer("eval_episodes")));
+    }
+  }
+
+  SweepResult Run() {
+    const StopSignals signals;
+    started_ = ActivityClock::Now();
+    while (next_ < jobs_.size() || !active_.empty()) {
+      if (stop_signals > 0 && !stopping_) {
+        stopping_ = true;
+        if (!active_.empty()) {
+          display_.Say("stopping: waiting for checkpoints (again to stop at once)");
+        }
+        for (const auto& [index, run] : active_) Ask(run.get(), ActiveRun::Asked::kStop);
+      } else if (stop_signals > 1 && !stopped_at_once_) {
+        stopped_at_once_ = true;
+        for (const auto& [index, run] : active_) Kill(run.get(), ActiveRun::Killed::kStop);
+      }
+      if (stopping_ && active_.empty()) break;
+      while (!stopping_ && next_ < jobs_.size() &&
+             active_.size() < static_cast<std::size_t>(options_.jobs)) {
+        Start(next_++);
+      }
+      ShareCores();
+      Wait();
+      WatchLimits();
+      Reap();
+      if (ActivityClock::Now() - tried_to_record_ > kRecordAgainSeconds) RecordAgain();
+      ShowProgress();
+    }
+    RecordAgain();
+    for (const Ending& ending : unrecorded_) {
+      display_.Say("could not be recorded in " + database_->path() + ": " + Describe(ending));
+    }
+    if (stopping_) {
+      result_.exit_status = static_cast<int>(ExitCode::kInterrupted);
+    } else if (!unrecorded_.empty()) {
+      result_.exit_status = static_cast<int>(ExitCode::kInputOutput);
+    } else {
+      const auto bad = std::find_if(exit_codes_.begin(), exit_codes_.end(),
+                                    [](int code) { return code != 0; });
+      result_.exit_status = bad == exit_codes_.end() ? 0 : *bad;
+    }
+    return std::move(result_);
+  }
+
+ private:
+  // An error of the database costs the run that met it its turn, never the others.
+  void Start(std::size_t index) {
+    try {
+      StartUnlessTaken(index);
+    } catch (const results::Error& error) {
+      exit_codes_[index] = error.exit_code();
+      ++ended_;
+      display_.Say("not started " + jobs_[index].label + ": " + error.what());
+    }
+  }
+
+  void StartUnlessTaken(std::size_t index) {
+    const SweepJob& job = jobs_[index];
+    // Another runner on this database may have come first since the sweep was planned.
+    const std::optional<results::RunInfo> known = database_->GetRun(job.work.run_id);
+    if (!known) {
+      LeaveAlone(index, "it was deleted");
+      return;
+    }
+    if (known->status == results::RunStatus::kFinished) {
+      LeaveAlone(index, "another process has finished it");
+      return;
+    }
+    // Its failure is not tried again unasked, and not a second time if asked.
+    const bool failed = known->status == results::RunStatus::kFailed ||
+                        known->status == results::RunStatus::kCrashed ||
+                        known->status == results::RunStatus::kDiverged;
+    if (failed && (!options_.retry || known->last_segment != planned_after_[index])) {
+      exit_codes_[index] = FailureCode(*known);
+      LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
+                            " in another process (" + known->error + ")");
+      return;
+    }
+    if (RunIsLocked(job.work.folder)) {
+      LeaveAlone(index, "another process is working on it");
+      return;
+    }
+    auto run = std::make_unique<ActiveRun>();
+    run->index = index;
+    run->after_segment = known->last_segment;
+    try {
+      std::error_code error;
+      std::filesystem::create_directories(job.work.folder, error);
+      const std::filesystem::path log_path = job.work.folder / "run.log";
+      const Descriptor log(
+          ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+      if (log.get() < 0) {
+        throw RunnerError(errno == EACCES ? ExitCode::kPermission : ExitCode::kCannotCreate,
+                          "cannot create " + log_path.string() + ": " + std::strerror(errno));
+      }
+      Pipe pipe = MakePipe();
+      const Descriptor input = MemoryFile(EncodeJob(job.work));
+      run->grant = std::make_unique<ThreadGrant>();
+      const Descriptor threads = run->grant->TakeDescriptor();
+      ChildSpec child;
+      child.arguments = {"worker"};
+      child.input = input.get();
+      child.log = log.get();
+      child.report = pipe.write.get();
+      child.threads = threads.get();
+      run->pid = StartChild(child);
+      run->reports = std::move(pipe.read);
+    } catch (const RunnerError& error) {
+      SetStatus(*run, results::RunStatus::kFailed, error.exit_status(), error.what());
+      return;
+    } catch (const std::exception& error) {
+      SetStatus(*run, results::RunStatus::kFailed, static_cast<int>(ExitCode::kInternal),
+                std::string("cannot be started: ") + error.what());
+      return;
+    }
+    for (std::uint32_t i = 0; i < job.work.evaluation_threads; ++i) {
+      run->places.push_back(sharing_.Enter());
+    }
+    shared_ = false;
+    run->started = ActivityClock::Now();
+    run->line.label = job.label;
+    run->line.stage = "starting";
+    run->line.env_steps_target = job.work.spec.work_steps();
+    // A training's rate must hold an episode with its updates; decisions are all alike.
+    run->rate = RateMeter(job.work.spec.evaluation ? 1 : 1000);
+    run->line.training_return = std::numeric_limits<double>::quiet_NaN();
+    run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
+    display_.Say("started " + job.label);
+    active_[index] = std::move(run);
+  }
+
+  // Gives the runs the cores that no run of ours or of another command needs.
+  void ShareCores() {
+    const double now = ActivityClock::Now();
+    if (shared_ && now - shared_at_ < kShareAgainSeconds) return;
+    const std::map<std::size_t, std::uint32_t> threads = sharing_.Threads();
+    for (const auto& [index, run] : active_) {
+      const WorkerJob& work = jobs_[index].work;
+      run->line.threads =
+          work.spec.evaluation ? work.evaluation_threads : threads.at(run->places.front());
+      run->grant->Set(run->line.threads);
+    }
+    shared_ = true;
+    shared_at_ = now;
+  }
+
+  // Sleeps until a report arrives, a child ends or a moment has passed.
+  void Wait() {
+    std::vector<pollfd> polled;
+    for (const auto& [index, run] : active_) {
+      if (run->reports.get() >= 0) polled.push_back({run->reports.get(), POLLIN, 0});
+    }
+    ::poll(polled.data(), polled.size(), 100);
+    for (const auto& [index, run] : active_) Read(run.get());
+  }
+
+  void Read(ActiveRun* run) {
+    if (run->reports.get() < 0) return;
+    char buffer[4096];
+    for (;;) {
+      const ssize_t got = ::read(run->reports.get(), buffer, sizeof buffer);
+      if (got > 0) {
+        run->unread.append(buffer, static_cast<std::size_t>(got));
+      } else {
+        if (got == 0) run->reports.Close();
+        break;
+      }
+    }
+    std::size_t begin = 0;
+    for (std::size_t end; (end = run->unread.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+      if (const auto report = DecodeReport(run->unread.substr(begin, end - begin))) {
+        Take(run, *report);
+      }
+    }
+    run->unread.erase(0, begin);
+    // A plugin that writes without end to our descriptor must not fill memory.
+    if (run->unread.size() > 1 << 20) run->unread.clear();
+  }
+
+  void Take(ActiveRun* run, const Report& report) {
+    switch (report.kind) {
+      case Report::Kind::kProgress:
+        run->processor_at_report = ProcessorSeconds(run->pid);
+        run->decisions = report.decisions;
+        run->line.stage = report.stage;
+        run->line.env_step = report.env_step;
+        run->line.training_return = report.training_return;
+        run->line.evaluation_return = report.evaluation_return;
+        run->rate.Add(ActivityClock::Now(), report.env_step,
+                      report.stage != "explore at random" && report.env_step > 0);
+        run->line.rate = run->rate.Rate();
+        break;
+      case Report::Kind::kError:
+        run->error = report.message;
+        break;
+      case Report::Kind::kDone:
+        run->done = true;
+        break;
+    }
+  }
+
+  // Processor time until a sign of life is due: that of every decision under way.
+  double Patience(const ActiveRun& run) const {
+    return options_.hang_timeout_seconds *
+           static_cast<double>(std::max<std::uint64_t>(run.decisions, 1));
+  }
+
+  void WatchLimits() {
+    const double now = ActivityClock::Now();
+    for (const auto& [index, run] : active_) {
+      const bool asked = run->asked != ActiveRun::Asked::kNo;
+      if (options_.hang_timeout_seconds > 0 &&
+          ProcessorSeconds(run->pid) - run->processor_at_report > Patience(*run)) {
+        Kill(run.get(), ActiveRun::Killed::kHang);
+      } else if (asked && now - run->asked_at > GraceSeconds()) {
+        Kill(run.get(), ActiveRun::Killed::kOverdue);
+      } else if (!asked && options_.time_limit_seconds > 0 &&
+                 now - run->started > options_.time_limit_seconds) {
+        Ask(run.get(), ActiveRun::Asked::kTimeLimit);
+      }
+    }
+  }
+
+  // Who has less patience with a run that hangs has less with one that does not end.
+  double GraceSeconds() const {
+    return options_.hang_timeout_seconds > 0
+               ? std::min(kGraceSeconds, options_.hang_timeout_seconds)
+               : kGraceSeconds;
+  }
+
+  void Ask(ActiveRun* run, ActiveRun::Asked why) {
+    if (run->asked != ActiveRun::Asked::kNo) return;
+    run->asked = why;
+    run->asked_at = ActivityClock::Now();
+    ::kill(run->pid, SIGTERM);
+    ::kill(run->pid, SIGCONT);  // a stopped worker must hear it
+  }
+
+  void Kill(ActiveRun* run, ActiveRun::Killed why) {
+    if (run->killed != ActiveRun::Killed::kNo) return;
+    run->killed = why;
+    ::kill(run->pid, SIGKILL);
+  }
+
+  void Reap() {
+    for (auto it = active_.begin(); it != active_.end();) {
+      int status = 0;
+      const pid_t ended = ::waitpid(it->second->pid, &status, WNOHANG);
+      if (ended == it->second->pid) {
+        Read(it->second.get());
+        for (const std::size_t place : it->second->places) sharing_.Leave(place);
+        shared_ = false;
+        Finish(it->second.get(), status);
+        it = active_.erase(it);
+      } else {
+        ++it;
+      }
+    }
+  }
+
+  void Finish(ActiveRun* run, int status) {
+    const SweepJob& job = jobs_[run->index];
+    const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
+    const int interrupted = static_cast<int>(ExitCode::kInterrupted);
+    const std::string log = (job.work.folder / "run.log").string();
+    const std::string time_limit = "time limit of " + FormatDuration(options_.time_limit_seconds);
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
+      switch (run->killed) {
+        case ActiveRun::Killed::kHang:
+          SetStatus(*run, results::RunStatus::kCrashed, crashed,
+                    "no sign of life for " + FormatDuration(Patience(*run)) +
+                        " of processor time while it was to " + run->line.stage +
+                        "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
+          break;
+        case ActiveRun::Killed::kOverdue:
+          SetStatus(*run, results::RunStatus::kKilled, crashed,
+                    "did not stop within " + FormatDuration(GraceSeconds()) + " of " +
+                        (run->asked == ActiveRun::Asked::kTimeLimit ? "its " + time_limit
+                                                                    : "being asked to") +
+                        " while it was to " + run->line.stage +
+                        ". The same command resumes it. Log: " + log);
+          break;
+        case ActiveRun::Killed::kStop:
+          SetStatus(*run, results::RunStatus::kInterrupted, interrupted, "stopped at once");
+          break;
+        case ActiveRun::Killed::kNo:
+          SetStatus(*run, results::RunStatus::kKilled, crashed,
+                    "killed from outside (out of memory?). The same command resumes it");
+          break;
+      }
+    } else if (WIFSIGNALED(status) && run->asked != ActiveRun::Asked::kNo &&
+               StopSignals::Includes(WTERMSIG(status))) {
+      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
+                "ended before it could checkpoint");
+    } else if (WIFSIGNALED(status)) {
+      const std::string last = LastLine(job.work.folder / "run.log");
+      SetStatus(*run, results::RunStatus::kCrashed, crashed,
+                "crashed with " + DescribeWaitStatus(status) + " while it was to " +
+                    run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
+    } else if (WEXITSTATUS(status) == 0) {
+      if (run->done) {
+        SetStatus(*run, results::RunStatus::kFinished, 0, "");
+      } else {
+        SetStatus(*run, results::RunStatus::kCrashed, crashed,
+                  "its process ended without finishing; a plugin called exit? Log: " + log);
+      }
+    } else if (WEXITSTATUS(status) == interrupted) {
+      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
+                run->asked == ActiveRun::Asked::kTimeLimit ? time_limit + " reached" : "");
+    } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
+      SetStatus(*run, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
+    } else if (RunIsLocked(job.work.folder)) {
+      LeaveAlone(run->index, "another process began it at the same moment");
+    } else {
+      SetStatus(*run, results::RunStatus::kFailed, WEXITSTATUS(status),
+                run->error.empty() ? DescribeWaitStatus(status) + ". Log: " + log : run->error);
+    }
+  }
+
+  // The run is another process's; its status is not ours to write.
+  void LeaveAlone(std::size_t index, const std::string& why) {
+    const SweepJob& job = jobs_[index];
+    try {
+      if (const auto known = database_->GetRun(job.work.run_id)) {
+        result_.statuses[index] = known->status;
+      }
+    } catch (const results::Error&) {  // the status is for the summary only
+    }
+    ++ended_;
+    display_.Say("left alone " + job.label + ": " + why);
+  }
+
+  void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
+                 const std::string& error) {
+    const SweepJob& job = jobs_[run.index];
+    const Ending ending{
+        .index = run.index,
+        .worker = {.pid = run.pid, .after_segment = run.after_segment},
+        .status = status,
+        .exit_code = exit_code,
+        .error = error,
+        .env_step = job.work.spec.evaluation ? 0 : static_cast<std::int64_t>(run.line.env_step)};
+    try {
+      if (!Record(ending)) {
+        LeaveAlone(run.index, "another process has gone on with it or deleted it");
+        return;
+      }
+    } catch (const results::Error& problem) {
+      unrecorded_.push_back(ending);
+      display_.Say("cannot record yet what became of " + job.label + ": " + problem.what());
+    }
+    result_.statuses[run.index] = status;
+    exit_codes_[run.index] = exit_code;
+    ++ended_;
+    display_.Say(Describe(ending));
+  }
+
+  std::string Describe(const Ending& ending) const {
+    const std::string text =
+        std::string(results::RunStatusName(ending.status)) + " " + jobs_[ending.index].label;
+    return ending.error.empty() ? text : text + ": " + ending.error;
+  }
+
+  // False if another process has gone on with the run or deleted it: its status is not ours.
+  bool Record(const Ending& ending) {
+    const std::int64_t run_id = jobs_[ending.index].work.run_id;
+    bool recorded = false;
+    database_->connection().Transact([&] {
+      recorded = database_->SetRunStatus(run_id, ending.status, ending.exit_code, ending.error,
+                                         ending.worker);
+      // The worker has written what it could notice itself.
+      const bool noticed = ending.status == results::RunStatus::kFailed ||
+                           ending.status == results::RunStatus::kDiverged;
+      if (!recorded || noticed || ending.error.empty()) return;
+      database_->AddEvent(run_id,
+                          std::max(ending.env_step, database_->GetRun(run_id)->env_steps_done),
+                          ending.status == results::RunStatus::kInterrupted ? "info" : "error",
+                          results::RunStatusName(ending.status), ending.error);
+    });
+    return recorded;
+  }
+
+  // Tries again what could not be recorded.
+  void RecordAgain() {
+    tried_to_record_ = ActivityClock::Now();
+    try {
+      for (; !unrecorded_.empty(); unrecorded_.pop_front()) Record(unrecorded_.front());
+    } catch (const results::Error&) {  // the others would meet the same
+    }
+  }
+
+  void ShowProgress() {
+    const double now = ActivityClock::Now();
+    if (now - last_shown_ < 0.25) return;
+    last_shown_ = now;
+    std::map<std::size_t, ProgressDisplay::Line> lines;
+    double active_left = 0;
+    double rate = 0;
+    for (const auto& [index, run] : active_) {
+      lines[index] = run->line;
+      if (run->line.rate > 0) {
+        active_left = std::max(active_left, static_cast<double>(run->line.env_steps_target -
+                                                                run->line.env_step) /
+                                                run->line.rate);
+        rate += run->line.rate;
+      }
+    }
+    std::string summary = std::to_string(ended_) + " of " + std::to_string(jobs_.size()) +
+                          " runs ended, " + std::to_string(active_.size()) + " active, " +
+                          FormatDuration(now - started_) + " so far";
+    double waiting_steps = 0;
+    for (std::size_t i = next_; i < jobs_.size(); ++i) {
+      waiting_steps += static_cast<double>(jobs_[i].work.spec.work_steps());
+    }
+    if (rate > 0) {
+      summary += ", about " + FormatDuration(active_left + waiting_steps / rate) + " left";
+    }
+    display_.Show(lines, summary);
+  }
+
+  results::Database* database_;
+  const ProcessOptions& options_;
+  std::vector<SweepJob> jobs_;
+  std::size_t next_ = 0;
+  std::size_t ended_ = 0;
+  std::map<std::size_t, std::unique_ptr<ActiveRun>> active_;
+  std::vector<std::int64_t> planned_after_;  // last segments of the jobs' runs at the beginning
+  std::vector<int> exit_codes_;
+  std::deque<Ending> unrecorded_;
+  double tried_to_record_ = 0;
+  SweepResult result_;
+  ProgressDisplay display_;
+  CoreSharing sharing_;
+  bool shared_ = false;  // since a run began or ended
+  double shared_at_ = 0;
+  bool stopping_ = false;
+  bool stopped_at_once_ = false;
+  double started_ = 0;
+  double last_shown_ = 0;
+};
+
+}  // namespace
+
+int FailureCode(const results::RunInfo& run) {
+  return static_cast<int>(run.exit_code.value_or(static_cast<int>(ExitCode::kInternal)));
+}
+
+SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
+                     std::vector<SweepJob> jobs) {
+  return Sweep(database, options, std::move(jobs)).Run();
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,81 @@
+// sweep.h - from resolved runs to jobs in a database.
+//
+// Decides for each run of a matrix whether it is new, goes on, is left alone or
+// must not be touched, and records what is to be run.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "host/system/error.h"
+#include "host/processes/probe.h"
+#include "results/database/database.h"
+#include "host/settings/run_options.h"
+#include "host/settings/settings.h"
+#include "host/processes/supervisor.h"
+
+namespace dreamsearch {
+
+// "walker_walk mcts_pw seed 0", with the model where it is not `dreamer`; an
+// evaluation says so.
+std::string RunLabel(const RunSpec& spec);
+
+// The key under which the database knows the run.
+results::RunKey KeyOf(const RunSpec& spec);
+
+enum class Action {
+  kStart,
+  kResume,
+  kStartOver,
+  kSkipFinished,
+  kSkipFailed,
+  kSkipActive,
+  kRefused,  // begun with other plugins, or its checkpoints do not continue it
+};
+bool IsWork(Action action);
+
+struct PlannedRun {
+  RunSpec spec;
+  Action action = Action::kStart;
+  std::int64_t run_id = 0;  // 0: not recorded yet
+  std::string note;         // why it is left alone or starts over, or what it goes on from
+  ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with
+};
+
+// What the same command does now. Reads only; `database` may be null (no file yet). An
+// unfinished run whose plugins changed or that has lost its checkpoints is refused, unless
+// options.replace: then it starts over.
+std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<RunSpec>& specs);
+
+// Says which runs are left alone or refused, and why. Returns the exit code of the first
+// of them that failed before, 0 if none did.
+int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned);
+
+// What the command ends with: 75 if it was stopped, else the code of the first run that
+// was refused, else what its jobs ended with.
+int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result);
+
+// Records the planned runs and returns the jobs for those to be worked on, in
+// order. tasks: one a spec, from ProbeRun.
+std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOptions& options,
+                                  const std::vector<PlannedRun>& runs,
+                                  const std::vector<results::TaskInfo>& tasks,
+                                  const std::vector<std::string>& argv);
+
+// What a recorded run was to do, from the run.json in its folder. Throws RunnerError
+// 66 if that is gone, 65 if it is not what `runner` wrote.
+RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
+
+// Which of the spec's plugin files is not the one it names, and how; empty if none.
+std::string ChangedFile(const RunSpec& spec);
+
+// The checkpoint of the trained run that an evaluation names; empty if it names none.
+std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
+
+// The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
+// a plugin's file has changed.
+SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
+                     const results::RunInfo& run);
+
+}  // namespace dreamsearch

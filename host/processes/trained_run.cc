@@ -1,0 +1,84 @@
+#include "host/processes/trained_run.h"
+
+#include <algorithm>
+#include <set>
+
+#include "host/saving/checkpoint.h"
+#include "host/training/experiment.h"
+#include "host/training/resumption.h"
+#include "host/processes/sweep.h"
+
+namespace dreamsearch {
+
+std::string RunName(const TrainedRun& run) {
+  return "run " + std::to_string(run.info.run_id) + " (" + RunLabel(run.spec) + ")";
+}
+
+TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
+                          const std::vector<std::string>& plugin_path) {
+  TrainedRun found;
+  found.info = database->GetRun(run);
+  if (found.info.parent_run_id) {
+    throw RunnerError(ExitCode::kUsage,
+                      "run " + std::to_string(found.info.run_id) +
+                          " is an evaluation and trained nothing; the trained run is " +
+                          std::to_string(*found.info.parent_run_id));
+  }
+  found.spec = RecordedSpec(database, found.info);
+  if (found.spec.evaluation) {
+    throw RunnerError(ExitCode::kUsage, "run " + std::to_string(found.info.run_id) +
+                                            " is an evaluation of an untrained model; `runner "
+                                            "status` lists the trained runs");
+  }
+  const std::string name = RunName(found);
+  const std::string folder = database->RunFolder(found.info);
+  std::optional<CheckpointFolder::Loaded> loaded;
+  try {
+    loaded = CheckpointFolder(folder).LoadNewest([&](const CheckpointSections& sections) {
+      if (!HasRowSums(sections) &&
+          Experiment::ResumePointOf(sections).env_step <= found.info.env_steps_done) {
+        return std::string();
+      }
+      return WhyUnfit(database, found.info, found.spec, sections);
+    });
+  } catch (const RunnerError& error) {
+    throw RunnerError(error.code(), name + ": " + error.what());
+  }
+  if (!loaded) {
+    throw RunnerError(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
+                                               results::RunStatusName(found.info.status) + ") in " +
+                                               folder);
+  }
+  found.checkpoint = loaded->path;
+  for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
+    found.warnings.push_back(skipped.why);
+  }
+  if (!HasRowSums(loaded->sections)) {
+    found.warnings.push_back(loaded->path.string() +
+                             " was made by an older runner and does not say of which rows it is");
+  }
+  found.env_step = static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
+  found.agent_sha256 = Sha256(loaded->sections["model"]);
+
+  std::vector<std::string> folders = plugin_path;
+  for (const ResolvedComponent* component : ComponentsOf(found.spec)) {
+    folders.push_back(std::filesystem::path(component->info->plugin.path).parent_path().string());
+  }
+  found.catalogue = Catalogue::Scan(PluginFolders(folders));
+  std::set<std::string> changed;
+  for (ResolvedComponent* component : {&found.spec.environment, &found.spec.model,
+                                       &found.spec.planner, &found.spec.eval_planner}) {
+    const PluginInfo then = component->info->plugin;
+    *component = Rebased(*component, found.spec.preset, found.catalogue);
+    const PluginInfo& now = component->info->plugin;
+    if (now.sha256 != then.sha256 && changed.insert(now.name).second) {
+      found.warnings.push_back("plugin " + now.name + " is not the one " + name +
+                               " was trained with: " + now.path + " has SHA-256 " +
+                               now.sha256.substr(0, 12) + ", then it was " +
+                               then.sha256.substr(0, 12));
+    }
+  }
+  return found;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,297 @@
+#include "host/processes/worker.h"
+
+#include <fcntl.h>
+#include <malloc.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "host/plugins/catalogue.h"
+#include "host/processes/child_process.h"
+#include "host/training/evaluation.h"
+#include "host/training/experiment.h"
+#include "host/system/provenance.h"
+#include "host/processes/report.h"
+#include "results/database/database.h"
+#include "results/system/json_text.h"
+#include "results/database/run_writer.h"
+#include "host/training/resumption.h"
+#include "host/processes/thread_grant.h"
+
+namespace dreamsearch {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+
+// Stop at the next decision or update, however often it is asked: who signals a whole
+// job reaches the worker directly and once more through the supervisor. The supervisor
+// ends a worker at once with SIGKILL.
+void OnStopSignal(int) { stop_requested = true; }
+
+void CatchStopSignals() {
+  struct sigaction action{};
+  action.sa_handler = OnStopSignal;
+  action.sa_flags = SA_RESTART;
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP}) ::sigaction(signal, &action, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+// A second in all.
+constexpr int kLockAttempts = 100;
+constexpr std::chrono::milliseconds kLockPause{10};
+
+std::filesystem::path LockPath(const std::filesystem::path& folder) { return folder / "lock"; }
+
+// Holds the run for this process until it ends. Who asks with RunIsLocked holds the file
+// for a moment, so a refusal counts only once it has lasted.
+Descriptor LockRun(const std::filesystem::path& folder) {
+  Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (lock.get() < 0) {
+    throw RunnerError(ExitCode::kCannotCreate, "cannot create " + LockPath(folder).string() +
+                                                   ": " + std::strerror(errno));
+  }
+  for (int attempt = 0; ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0; ++attempt) {
+    if (attempt == kLockAttempts) {
+      throw RunnerError(ExitCode::kInputOutput,
+                        "another process is working on this run: " + LockPath(folder).string() +
+                            " is locked");
+    }
+    std::this_thread::sleep_for(kLockPause);
+  }
+  return lock;
+}
+
+// What a checkpoint must agree with before a run goes on from it.
+void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
+                 const std::filesystem::path& path) {
+  const auto found = sections.find("header");
+  const nlohmann::json stored = results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
+  const nlohmann::json expected = results::ParseJson(CheckpointHeader(job.spec, ""));
+  if (!stored.is_object()) {
+    throw RunnerError(ExitCode::kBadInput, path.string() + " has no readable header");
+  }
+  for (const char* key : {"configuration", "seed", "plugins"}) {
+    if (stored.value(key, nlohmann::json()) != expected[key]) {
+      throw RunnerError(ExitCode::kPluginRefused,
+                        path.string() + " was made with another " + key + ": it has " +
+                            results::JsonText(stored.value(key, nlohmann::json())) + ", this run " +
+                            results::JsonText(expected[key]) +
+                            ". Use the old one, another --study, or --replace to start over");
+    }
+  }
+  if (stored.value("instruction_set", "") != InstructionSetInUse() && !job.force) {
+    throw RunnerError(ExitCode::kPluginRefused,
+                      path.string() + " was made with the instruction set " +
+                          stored.value("instruction_set", "?") + ", this process has " +
+                          InstructionSetInUse() +
+                          "; the bits would differ. Resume on the old kind of machine, or go on "
+                          "with `runner resume --force`");
+  }
+}
+
+void CheckPluginFiles(const RunSpec& spec) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    const PluginInfo& plugin = component->info->plugin;
+    const std::string now = FileSha256(plugin.path);
+    if (now != plugin.sha256) {
+      throw RunnerError(ExitCode::kPluginRefused,
+                        plugin.path + " changed since it was described: expected SHA-256 " +
+                            plugin.sha256 + ", found " + now);
+    }
+  }
+}
+
+void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
+
+std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
+                                         double segment_started, const ThreadGrant& grant,
+                                         results::RunWriter* writer) {
+  if (job.spec.evaluation) {
+    Evaluation::Options options;
+    options.threads = job.evaluation_threads;
+    options.agent = job.agent_checkpoint;
+    options.checkpoint_header = CheckpointHeader(job.spec, uuid);
+    return std::make_unique<Evaluation>(job.spec, options, writer, job.folder);
+  }
+  Experiment::Options options;
+  options.segment_started = segment_started;
+  options.threads = &grant.threads();
+  options.log_decisions = job.log_decisions;
+  options.record_trees = job.record_trees;
+  options.checkpoint_header = CheckpointHeader(job.spec, uuid);
+  return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
+}
+
+int Work(const WorkerJob& job, const ThreadGrant& grant) {
+  if (job.memory_limit_bytes != 0) {
+    const rlimit limit{job.memory_limit_bytes, job.memory_limit_bytes};
+    ::setrlimit(RLIMIT_AS, &limit);
+    // A heap of its own reserves 64 MiB for every thread that learning takes on; what a run may
+    // need must not hang on what runs beside it.
+    ::mallopt(M_ARENA_MAX, 1);
+  }
+  const Descriptor lock = LockRun(job.folder);
+  CheckPluginFiles(job.spec);
+  const auto database = results::Database::OpenExisting(job.db);
+  const std::optional<results::RunInfo> run = database->GetRun(job.run_id);
+  if (!run) {
+    throw RunnerError(ExitCode::kNotFound,
+                      job.db + ": there is no run " + std::to_string(job.run_id));
+  }
+  auto [loaded, point] =
+      FindResumption(database.get(), *run, job.spec, job.folder, CheckpointPart::kWhole);
+  if (loaded) CheckHeader(loaded->sections, job, loaded->path);
+
+  results::RunWriter writer(database.get(), job.run_id);
+  results::SegmentInfo segment;
+  segment.pid = ::getpid();
+  segment.host_id = database->Host(ThisHost());
+  segment.build_id = database->Build(ThisBuild());
+  segment.instruction_set = InstructionSetInUse();
+  if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
+  writer.BeginSegment(segment, point);
+
+  const double segment_started = ActivityClock::Now();
+  std::unique_ptr<Procedure> procedure;
+  bool ready = false;  // until then the run stands where the segment begins
+  try {
+    procedure = MakeProcedure(job, run->uuid, segment_started, grant, &writer);
+    if (loaded) {
+      for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
+        writer.AddEvent(point.env_step, "warning",
+                        skipped.damaged ? "damaged_checkpoint" : "unused_checkpoint", skipped.why);
+        std::cerr << "warning: " << skipped.why << "\n";
+      }
+      procedure->Load(loaded->sections);
+      writer.AddEvent(static_cast<std::int64_t>(procedure->env_step()), "info", "resume",
+                      "from " + loaded->path.filename().string());
+      std::cerr << "resumed at environment step " << procedure->env_step() << "\n";
+      loaded.reset();
+    }
+    ready = true;
+    double last_report = 0;
+    std::uint32_t threads = 1;
+    const Procedure::Outcome outcome =
+        procedure->Run(&stop_requested, [&](const RunProgress& progress) {
+          if (progress.threads != threads) {
+            threads = progress.threads;
+            std::cerr << "threads: " << threads << " from environment step " << progress.env_step
+                      << "\n";
+          }
+          const double now = ActivityClock::Now();
+          if (now - last_report < 0.2) return;
+          last_report = now;
+          Report report;
+          report.stage = progress.stage;
+          report.env_step = progress.env_step;
+          report.training_return = progress.training_return;
+          report.evaluation_return = progress.evaluation_return;
+          report.decisions = progress.decisions;
+          Send(report);
+        });
+    const auto env_step = static_cast<std::int64_t>(procedure->env_step());
+    if (outcome == Procedure::Outcome::kInterrupted) {
+      writer.EndSegment("interrupted", env_step);
+      std::cerr << "interrupted at environment step " << env_step << ", checkpoint written\n";
+      return static_cast<int>(ExitCode::kInterrupted);
+    }
+    Report report;
+    report.kind = Report::Kind::kDone;
+    report.result_digest = writer.Finish();
+    Send(report);
+    std::cerr << "finished, result digest " << report.result_digest << "\n";
+    return 0;
+  } catch (const RunnerError& error) {
+    const std::int64_t env_step =
+        ready ? static_cast<std::int64_t>(procedure->env_step()) : point.env_step;
+    const char* reason = error.code() == ExitCode::kDiverged ? "diverged" : "failed";
+    writer.AddEvent(env_step, "error", reason, error.what());
+    writer.EndSegment(reason, env_step);
+    throw;
+  }
+}
+
+}  // namespace
+
+std::string EncodeJob(const WorkerJob& job) {
+  nlohmann::json json;
+  json["spec"] = ToJson(job.spec);
+  json["db"] = job.db;
+  json["run_id"] = job.run_id;
+  json["folder"] = job.folder.string();
+  json["agent_checkpoint"] = job.agent_checkpoint.string();
+  json["evaluation_threads"] = job.evaluation_threads;
+  json["memory_limit_bytes"] = job.memory_limit_bytes;
+  json["log_decisions"] = job.log_decisions;
+  json["record_trees"] = job.record_trees;
+  json["force"] = job.force;
+  return results::JsonText(json);
+}
+
+WorkerJob DecodeJob(const std::string& text) {
+  try {
+    const nlohmann::json json = results::ParseJson(text);
+    WorkerJob job;
+    job.spec = RunSpecFromJson(json.at("spec"));
+    job.db = json.at("db");
+    job.run_id = json.at("run_id");
+    job.folder = json.at("folder").get<std::string>();
+    job.agent_checkpoint = json.at("agent_checkpoint").get<std::string>();
+    job.evaluation_threads = json.at("evaluation_threads");
+    job.memory_limit_bytes = json.at("memory_limit_bytes");
+    job.log_decisions = json.at("log_decisions");
+    job.record_trees = json.at("record_trees");
+    job.force = json.at("force");
+    return job;
+  } catch (const nlohmann::json::exception& error) {
+    throw RunnerError(ExitCode::kInternal,
+                      std::string("a worker is started by `runner` and takes its job on standard "
+                                  "input: ") + error.what());
+  }
+}
+
+int WorkerMain() {
+  // Die politely if the supervisor dies.
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  CatchStopSignals();
+  const auto fail = [](int status, const std::string& message) {
+    std::cerr << "error: " << message << "\n";
+    Report report;
+    report.kind = Report::Kind::kError;
+    report.message = message;
+    Send(report);
+    return status;
+  };
+  try {
+    const WorkerJob job = DecodeJob(ReadAll(0));
+    return Work(job, ThreadGrant(kThreadsDescriptor));
+  } catch (const RunnerError& error) {
+    return fail(error.exit_status(), error.what());
+  } catch (const results::Error& error) {
+    return fail(error.exit_code(), error.what());
+  } catch (const std::bad_alloc&) {
+    return fail(static_cast<int>(ExitCode::kInternal),
+                "out of memory; raise --memory-limit, or lower run.replay_capacity or --jobs");
+  }
+}
+
+bool RunIsLocked(const std::filesystem::path& folder) {
+  const Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
+  if (lock.get() < 0) return false;
+  // Shared, so that two who ask at once do not take each other for a worker.
+  return ::flock(lock.get(), LOCK_SH | LOCK_NB) != 0;
+}
+
+}  // namespace dreamsearch

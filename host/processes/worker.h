@@ -1,0 +1,41 @@
+// worker.h - the process that works on one run.
+//
+// A worker is started by the supervisor with a WorkerJob on its standard input.
+// It alone loads plugins, writes the run's rows and holds the run's lock. Its
+// standard output and error are the run's log; reports go to descriptor 3, the
+// number of threads it may use is in memory behind descriptor 4.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+struct WorkerJob {
+  RunSpec spec;
+  std::string db;                // absolute path
+  std::int64_t run_id = 0;
+  std::filesystem::path folder;  // the run's: checkpoints, log, dumps
+  // Of an evaluation of a trained run: that run's checkpoint.
+  std::filesystem::path agent_checkpoint;
+  std::uint32_t evaluation_threads = 1;  // on which an evaluation plays its episodes
+  std::uint64_t memory_limit_bytes = 0;  // 0: none
+  bool log_decisions = false;
+  bool record_trees = false;
+  bool force = false;  // go on under another instruction set
+};
+
+std::string EncodeJob(const WorkerJob& job);
+WorkerJob DecodeJob(const std::string& text);
+
+// Works on the job read from standard input. Returns the exit status: 0 finished,
+// 75 interrupted, else as in error.h.
+int WorkerMain();
+
+// Whether some process holds the lock of the run in `folder`.
+bool RunIsLocked(const std::filesystem::path& folder);
+
+}  // namespace dreamsearch

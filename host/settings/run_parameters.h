@@ -1,0 +1,70 @@
+// run_parameters.h - the host's own settings, `run.*`.
+//
+// Declared like a plugin's, so that ranges, presets, help and the stored
+// configuration work the same way. The help names sources: [paper] Koul et al. 2020,
+// "Dream and Search to Control", whose schedule is Dreamer's, changed; [dreamer]
+// Hafner et al. 2020.
+#pragma once
+
+#include "dreamsearch/parameter.h"
+#include "dreamsearch/view.h"
+
+namespace dreamsearch {
+
+// In units of "steps", an environment step is a control step of the simulator,
+// before action repeat.
+inline constexpr ParameterSpec kRunParameters[] = {
+    IntParameter("steps", 100000, 1, 1000000000000, "steps",
+                 "Budget of a run in environment steps; --steps sets it.")
+        .Preset("fast", 100000)
+        .Preset("paper", 2000000),
+    IntParameter("action_repeat", 2, 1, 16, "steps",
+                 "Environment steps for which a decision's action is held. [dreamer, paper: 2]")
+        .Preset("fast", 2)
+        .Preset("paper", 2),
+    IntParameter("prefill_steps", 5000, 0, 1000000000, "steps",
+                 "Environment steps of uniformly random actions before the first training "
+                 "episode; they count in the budget. [dreamer, paper: 5000]")
+        .Preset("fast", 5000)
+        .Preset("paper", 5000),
+    IntParameter("pretrain_updates", 100, 0, 1000000, "updates",
+                 "Updates before the first training episode. [dreamer: 100]")
+        .Preset("fast", 100)
+        .Preset("paper", 100),
+    IntParameter("train_every", 3, 1, 1000000, "steps",
+                 "Environment steps for which one update is made, at each episode's end. [ours, "
+                 "results/published/ablation.md; paper: 10]")
+        .Preset("fast", 3)
+        .Preset("paper", 10),
+    IntParameter("batch_size", 16, 1, 4096, "sequences",
+                 "Sequences in a training batch. [DreamerV3: 16; paper: 50]")
+        .Preset("fast", 16)
+        .Preset("paper", 50),
+    IntParameter("sequence_length", 32, 2, 1000, "decisions",
+                 "Decisions in a training sequence, all of one episode. [ours; paper: 50]")
+        .Preset("fast", 32)
+        .Preset("paper", 50),
+    IntParameter("eval_episodes", 5, 1, 1000, "episodes",
+                 "Episodes of an evaluation, with the same initial states every time. [ours]")
+        .Preset("fast", 5)
+        .Preset("paper", 5),
+    IntParameter("eval_every", 0, 0, 1000000000, "steps",
+                 "Environment steps between evaluations; 0: min(10000, steps / 10).")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
+    IntParameter("checkpoint_every", 5000, 1, 1000000000, "steps",
+                 "Environment steps between checkpoints.")
+        .Preset("fast", 5000)
+        .Preset("paper", 5000),
+    IntParameter(
+        "replay_capacity", 0, 0, 1000000000, "decisions",
+        "Decisions the replay keeps, the oldest episodes leave first; 0: the whole budget.")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
+};
+
+inline constexpr View<const ParameterSpec> RunParameters() noexcept {
+  return {kRunParameters, sizeof kRunParameters / sizeof kRunParameters[0]};
+}
+
+}  // namespace dreamsearch

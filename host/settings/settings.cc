@@ -1,0 +1,609 @@
+#include "host/settings/settings.h"
+
+#include <algorithm>
+#include <cassert>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "results/system/json_text.h"
+#include "host/settings/run_parameters.h"
+
+namespace dreamsearch {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t kMostRuns = 100000;
+
+// The shortest text that reads back as the same number; integers in full.
+std::string NumberText(ParameterType type, double number) {
+  char text[64];
+  const std::to_chars_result end =
+      type == ParameterType::kInt
+          ? std::to_chars(text, text + sizeof text, static_cast<std::int64_t>(number))
+          : std::to_chars(text, text + sizeof text, number);
+  return std::string(text, end.ptr);
+}
+
+std::string DefaultText(const ParameterInfo& parameter) {
+  switch (parameter.type) {
+    case ParameterType::kBool: return parameter.default_number != 0 ? "true" : "false";
+    case ParameterType::kChoice: return parameter.default_choice;
+    default: return NumberText(parameter.type, parameter.default_number);
+  }
+}
+
+// "expected an integer from 1 to 16 (steps), default 2".
+std::string Expectation(const ParameterInfo& parameter) {
+  std::string text = "expected ";
+  switch (parameter.type) {
+    case ParameterType::kBool:
+      text += "true or false";
+      break;
+    case ParameterType::kInt:
+    case ParameterType::kReal:
+      text += parameter.type == ParameterType::kInt ? "an integer from " : "a number from ";
+      text += NumberText(parameter.type, parameter.min) + " to " +
+              NumberText(parameter.type, parameter.max);
+      break;
+    case ParameterType::kChoice:
+      text += "one of " + JoinNames(parameter.choices);
+      break;
+  }
+  if (!parameter.unit.empty()) text += " (" + parameter.unit + ")";
+  return text + ", default " + DefaultText(parameter);
+}
+
+std::optional<double> ParseNumber(const std::string& text) {
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
+    return std::nullopt;
+  }
+  return number + 0.0;  // -0 becomes 0, so that equal values have equal digests
+}
+
+// Sets number or choice of *value. Returns false if the text is not a value of
+// the parameter. Integers may be written 2e6.
+bool ParseValue(const ParameterInfo& parameter, const std::string& text, ResolvedValue* value) {
+  switch (parameter.type) {
+    case ParameterType::kBool:
+      if (text == "true" || text == "1" || text == "on" || text == "yes") {
+        value->number = 1;
+      } else if (text == "false" || text == "0" || text == "off" || text == "no") {
+        value->number = 0;
+      } else {
+        return false;
+      }
+      return true;
+    case ParameterType::kInt:
+    case ParameterType::kReal: {
+      const std::optional<double> number = ParseNumber(text);
+      if (!number || *number < parameter.min || *number > parameter.max) return false;
+      if (parameter.type == ParameterType::kInt && *number != std::trunc(*number)) return false;
+      value->number = *number;
+      return true;
+    }
+    case ParameterType::kChoice:
+      value->choice = text;
+      return std::find(parameter.choices.begin(), parameter.choices.end(), text) !=
+             parameter.choices.end();
+  }
+  return false;
+}
+
+ResolvedValue PresetOrDefault(const ParameterInfo& parameter, const std::string& preset) {
+  ResolvedValue value;
+  value.name = parameter.name;
+  value.type = parameter.type;
+  value.number = parameter.default_number + 0.0;
+  value.choice = parameter.default_choice;
+  for (const PresetInfo& info : parameter.presets) {
+    if (info.preset != preset) continue;
+    value.number = info.number + 0.0;
+    value.choice = info.choice;
+    value.origin = ValueOrigin::kPreset;
+  }
+  return value;
+}
+
+// Puts the recorded values where the declaration still has them.
+void Restore(const ResolvedValues& recorded, ResolvedValues* values) {
+  for (ResolvedValue& value : values->values) {
+    const ResolvedValue* old = recorded.Find(value.name);
+    if (old != nullptr && old->type == value.type) value = *old;
+  }
+}
+
+std::string KindText(ComponentKind kind) {
+  return kind == ComponentKind::kEnvironment ? "env" : ComponentKindName(kind);
+}
+
+std::optional<ComponentKind> KindFromText(std::string_view text) {
+  if (text == "env" || text == "environment") return ComponentKind::kEnvironment;
+  if (text == "model") return ComponentKind::kModel;
+  if (text == "planner") return ComponentKind::kPlanner;
+  return std::nullopt;
+}
+
+// Something that has parameters: a component of the command, or the host.
+struct Target {
+  std::shared_ptr<const ComponentInfo> info;  // null for the host's `run`
+  const std::vector<ParameterInfo>* parameters = nullptr;
+  bool listed = true;  // false for an evaluation planner that is not in --planner
+  ResolvedValues values;
+  // The setting that gave each value, by parameter; the strongest so far.
+  struct Source {
+    int strength = -1;
+    std::string where;
+  };
+  std::vector<Source> sources;
+
+  std::string label() const {
+    return info == nullptr ? "run" : KindText(info->kind) + "/" + info->name;
+  }
+  bool IsCalled(std::string_view name) const {
+    return info != nullptr &&
+           (info->name == name || std::find(info->aliases.begin(), info->aliases.end(), name) !=
+                                      info->aliases.end());
+  }
+};
+
+class Resolver {
+ public:
+  Resolver(const Options& options, const Catalogue& catalogue, const RunSpec* base)
+      : preset_(options.preset) {
+    for (const ParameterSpec& spec : RunParameters()) {
+      run_parameters_.push_back(DescribeParameter(spec));
+    }
+    Add(nullptr, &run_parameters_, true);
+    environments_ = AddAll(catalogue, ComponentKind::kEnvironment, "env", options.environments);
+    planners_ = AddAll(catalogue, ComponentKind::kPlanner, "planner", options.planners);
+    models_ = AddAll(catalogue, ComponentKind::kModel, "model", options.models);
+    if (!options.eval_planner.empty()) {
+      const auto info = catalogue.Find(ComponentKind::kPlanner, options.eval_planner);
+      for (const std::size_t i : planners_) {
+        if (targets_[i].info == info) eval_planner_ = i;
+      }
+      if (!eval_planner_) eval_planner_ = Add(info, &info->parameters, false);
+    }
+    CheckPreset();
+    for (Target& target : targets_) {
+      for (const ParameterInfo& parameter : *target.parameters) {
+        target.values.values.push_back(PresetOrDefault(parameter, preset_));
+      }
+      target.sources.resize(target.parameters->size());
+      if (base != nullptr) RestoreFrom(*base, &target);
+    }
+    for (const Setting& setting : options.settings) Apply(setting);
+    if (!options.evaluate) CheckRun();
+  }
+
+  std::vector<RunSpec> Matrix(const Options& options) const {
+    const std::size_t combinations = environments_.size() * planners_.size() * models_.size();
+    if (options.seeds.size() > kMostRuns / combinations) {
+      throw RunnerError(ExitCode::kUsage,
+                        "expected at most " + std::to_string(kMostRuns) + " runs, found " +
+                            std::to_string(combinations) + " combinations of " +
+                            std::to_string(options.seeds.size()) + " seeds");
+    }
+    std::vector<RunSpec> runs;
+    for (const std::size_t environment : environments_) {
+      for (const std::size_t planner : planners_) {
+        for (const std::size_t model : models_) {
+          for (const std::uint64_t seed : options.seeds) {
+            RunSpec spec;
+            spec.study = options.study;
+            spec.preset = options.preset;
+            spec.environment = Resolved(environment);
+            spec.model = Resolved(model);
+            spec.planner = Resolved(planner);
+            spec.eval_planner = Resolved(eval_planner_.value_or(planner));
+            spec.run = targets_[0].values;
+            spec.seed = seed;
+            runs.push_back(std::move(spec));
+          }
+        }
+      }
+    }
+    return runs;
+  }
+
+ private:
+  static void RestoreFrom(const RunSpec& base, Target* target) {
+    if (target->info == nullptr) return Restore(base.run, &target->values);
+    // The planner last: of a planner that both trained and evaluated they are equal.
+    for (const ResolvedComponent* component :
+         {&base.environment, &base.model, &base.eval_planner, &base.planner}) {
+      if (component->info->kind == target->info->kind && component->name() == target->info->name) {
+        Restore(component->parameters, &target->values);
+      }
+    }
+  }
+
+  std::size_t Add(std::shared_ptr<const ComponentInfo> info,
+                  const std::vector<ParameterInfo>* parameters, bool listed) {
+    Target target;
+    target.info = std::move(info);
+    target.parameters = parameters;
+    target.listed = listed;
+    targets_.push_back(std::move(target));
+    return targets_.size() - 1;
+  }
+
+  std::vector<std::size_t> AddAll(const Catalogue& catalogue, ComponentKind kind,
+                                  const std::string& flag, const std::vector<std::string>& names) {
+    std::vector<std::size_t> indices;
+    for (const std::string& name : names) {
+      const auto info = catalogue.Find(kind, name);
+      for (const std::size_t i : indices) {
+        if (targets_[i].info == info) {
+          throw RunnerError(ExitCode::kUsage, "--" + flag + ": '" + name + "' and '" +
+                                                  targets_[i].info->name +
+                                                  "' are the same component; expected it once");
+        }
+      }
+      indices.push_back(Add(info, &info->parameters, true));
+    }
+    return indices;
+  }
+
+  ResolvedComponent Resolved(std::size_t i) const { return {targets_[i].info, targets_[i].values}; }
+
+  void CheckPreset() const {
+    std::set<std::string> known;
+    for (const Target& target : targets_) {
+      for (const ParameterInfo& parameter : *target.parameters) {
+        for (const PresetInfo& preset : parameter.presets) known.insert(preset.preset);
+      }
+    }
+    if (known.contains(preset_)) return;
+    throw RunnerError(ExitCode::kUsage, "--preset: no preset '" + preset_ + "'. " +
+                                            KnownNames(preset_, {known.begin(), known.end()}));
+  }
+
+  [[noreturn]] static void Fail(const Setting& setting, const std::string& message) {
+    throw RunnerError(setting.from_file ? ExitCode::kBadInput : ExitCode::kUsage,
+                      setting.where + ": " + setting.key + ": " + message);
+  }
+
+  // The targets a key's part before the dot names. *specific: it names one
+  // component, not a kind.
+  std::vector<Target*> Matching(const Setting& setting, const std::string& scope, bool* specific) {
+    std::vector<Target*> matching;
+    *specific = false;
+    if (scope == "run") return {&targets_[0]};
+    if (const auto kind = KindFromText(scope)) {
+      for (Target& target : targets_) {
+        if (target.info != nullptr && target.info->kind == *kind && target.listed) {
+          matching.push_back(&target);
+        }
+      }
+      return matching;
+    }
+    *specific = true;
+    const auto slash = scope.find('/');
+    const auto kind = slash == std::string::npos ? std::nullopt
+                                                 : KindFromText(scope.substr(0, slash));
+    const std::string name = kind ? scope.substr(slash + 1) : scope;
+    for (Target& target : targets_) {
+      if (target.IsCalled(name) && (!kind || target.info->kind == *kind)) {
+        matching.push_back(&target);
+      }
+    }
+    if (!matching.empty()) return matching;
+    std::vector<std::string> known = {"run", "env", "model", "planner"};
+    for (const Target& target : targets_) {
+      const bool seen = target.info == nullptr ||
+                        std::find(known.begin(), known.end(), target.info->name) != known.end();
+      if (!seen) known.push_back(target.info->name);
+    }
+    Fail(setting, "'" + scope + "' is no component of this command. " + KnownNames(scope, known));
+  }
+
+  void Apply(const Setting& setting) {
+    const auto dot = setting.key.find('.');
+    if (dot == std::string::npos || dot == 0 || dot + 1 == setting.key.size()) {
+      Fail(setting, "expected a key such as planner.k, run.k or mcts_pw.k");
+    }
+    const std::string scope = setting.key.substr(0, dot);
+    const std::string name = setting.key.substr(dot + 1);
+    bool specific = false;
+    std::vector<Target*> matching = Matching(setting, scope, &specific);
+
+    std::vector<std::pair<Target*, std::size_t>> declaring;
+    std::vector<std::string> known;
+    for (Target* target : matching) {
+      for (std::size_t i = 0; i < target->parameters->size(); ++i) {
+        const std::string& parameter = (*target->parameters)[i].name;
+        if (parameter == name) declaring.emplace_back(target, i);
+        if (std::find(known.begin(), known.end(), parameter) == known.end()) {
+          known.push_back(parameter);
+        }
+      }
+    }
+    if (declaring.empty()) {
+      std::vector<std::string> labels;
+      for (const Target* target : matching) labels.push_back(target->label());
+      Fail(setting, "no parameter '" + name + "' in " + JoinNames(labels) + ". " +
+                        KnownNames(name, known));
+    }
+    if (specific && declaring.size() > 1) {
+      std::vector<std::string> keys;
+      for (const auto& [target, i] : declaring) keys.push_back(target->label() + "." + name);
+      Fail(setting, "names more than one component; expected one of " + JoinNames(keys));
+    }
+    for (const auto& [target, i] : declaring) Set(setting, specific, target, i);
+  }
+
+  static void Set(const Setting& setting, bool specific, Target* target, std::size_t i) {
+    const ParameterInfo& parameter = (*target->parameters)[i];
+    ResolvedValue value = target->values.values[i];
+    if (!ParseValue(parameter, setting.value, &value)) {
+      constexpr std::size_t kMost = 60;
+      const std::string found = setting.value.size() > kMost
+                                    ? setting.value.substr(0, kMost) + "..."
+                                    : setting.value;
+      std::string message = Expectation(parameter) + ", found '" + found + "'";
+      const auto near = parameter.type == ParameterType::kChoice
+                            ? NearestNames(setting.value, parameter.choices)
+                            : std::vector<std::string>();
+      if (!near.empty()) message += ". Did you mean " + near.front() + "?";
+      Fail(setting, message);
+    }
+    Target::Source& source = target->sources[i];
+    const int strength = (setting.from_file ? 0 : 2) + (specific ? 1 : 0);
+    if (strength == source.strength) {
+      Fail(setting, "set twice; it was set by " + source.where + " already");
+    }
+    if (strength < source.strength) return;
+    source = {strength, setting.where + " (" + setting.key + ")"};
+    value.origin = setting.from_file ? ValueOrigin::kFile : ValueOrigin::kCommandLine;
+    target->values.values[i] = value;
+  }
+
+  // What no single range can say.
+  void CheckRun() const {
+    const ResolvedValues& run = targets_[0].values;
+    const std::uint64_t steps = run.Integer("steps"), repeat = run.Integer("action_repeat");
+    if (steps % repeat == 0) return;
+    const bool from_file = run.Find("steps")->origin == ValueOrigin::kFile ||
+                           (run.Find("steps")->origin != ValueOrigin::kCommandLine &&
+                            run.Find("action_repeat")->origin == ValueOrigin::kFile);
+    const std::uint64_t below = steps / repeat * repeat;
+    throw RunnerError(from_file ? ExitCode::kBadInput : ExitCode::kUsage,
+                      "--steps: expected a multiple of run.action_repeat = " +
+                          std::to_string(repeat) + " such as " +
+                          std::to_string(below == 0 ? repeat : below) + ", found " +
+                          std::to_string(steps));
+  }
+
+  std::string preset_;
+  std::vector<ParameterInfo> run_parameters_;
+  std::deque<Target> targets_;  // the host's first; addresses stay
+  std::vector<std::size_t> environments_, planners_, models_;
+  std::optional<std::size_t> eval_planner_;
+};
+
+Json ValueJson(const ResolvedValue& value) {
+  switch (value.type) {
+    case ParameterType::kBool: return value.number != 0;
+    case ParameterType::kInt: return static_cast<std::int64_t>(value.number);
+    case ParameterType::kReal: return value.number;
+    case ParameterType::kChoice: return value.choice;
+  }
+  return nullptr;
+}
+
+Json CanonicalValues(const ResolvedValues& resolved) {
+  Json json = Json::object();
+  for (const ResolvedValue& value : resolved.values) json[value.name] = ValueJson(value);
+  return json;
+}
+
+Json CanonicalComponent(const ResolvedComponent& component) {
+  return {{"name", component.name()}, {"parameters", CanonicalValues(component.parameters)}};
+}
+
+Json ValuesJson(const ResolvedValues& resolved) {
+  Json json = Json::array();
+  for (const ResolvedValue& value : resolved.values) {
+    json.push_back({{"name", value.name},
+                    {"type", static_cast<std::uint32_t>(value.type)},
+                    {"number", value.number},
+                    {"choice", value.choice},
+                    {"origin", static_cast<std::uint32_t>(value.origin)}});
+  }
+  return json;
+}
+
+ResolvedValues ValuesFromJson(const Json& json) {
+  ResolvedValues resolved;
+  for (const Json& item : json) {
+    ResolvedValue value;
+    item.at("name").get_to(value.name);
+    value.type = static_cast<ParameterType>(item.at("type").get<std::uint32_t>());
+    item.at("number").get_to(value.number);
+    item.at("choice").get_to(value.choice);
+    value.origin = static_cast<ValueOrigin>(item.at("origin").get<std::uint32_t>());
+    resolved.values.push_back(std::move(value));
+  }
+  return resolved;
+}
+
+Json ComponentJson(const ResolvedComponent& component) {
+  return {{"info", ToJson(*component.info)}, {"parameters", ValuesJson(component.parameters)}};
+}
+
+ResolvedComponent ComponentFromJson(const Json& json) {
+  return {std::make_shared<const ComponentInfo>(ComponentInfoFromJson(json.at("info"))),
+          ValuesFromJson(json.at("parameters"))};
+}
+
+}  // namespace
+
+const char* ValueOriginName(ValueOrigin origin) {
+  switch (origin) {
+    case ValueOrigin::kDefault: return "default";
+    case ValueOrigin::kPreset: return "preset";
+    case ValueOrigin::kFile: return "file";
+    case ValueOrigin::kCommandLine: return "command line";
+  }
+  return "unknown";
+}
+
+std::string ValueText(const ResolvedValue& value) {
+  switch (value.type) {
+    case ParameterType::kBool: return value.number != 0 ? "true" : "false";
+    case ParameterType::kChoice: return value.choice;
+    default: return NumberText(value.type, value.number);
+  }
+}
+
+const ResolvedValue* ResolvedValues::Find(std::string_view name) const {
+  for (const ResolvedValue& value : values) {
+    if (value.name == name) return &value;
+  }
+  return nullptr;
+}
+
+double ResolvedValues::Number(std::string_view name) const {
+  const ResolvedValue* value = Find(name);
+  if (value == nullptr) {
+    throw RunnerError(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+  }
+  return value->number;
+}
+
+std::uint64_t ResolvedValues::Integer(std::string_view name) const {
+  const double number = Number(name);
+  assert(number >= 0 && number == std::trunc(number));
+  return static_cast<std::uint64_t>(number);
+}
+
+const std::string& ResolvedValues::Choice(std::string_view name) const {
+  const ResolvedValue* value = Find(name);
+  if (value == nullptr) {
+    throw RunnerError(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+  }
+  return value->choice;
+}
+
+std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
+  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model,
+                                                      &spec.planner, &spec.eval_planner};
+  if (spec.evaluation && spec.evaluation->behaviour) {
+    components.push_back(&*spec.evaluation->behaviour);
+  }
+  return components;
+}
+
+std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
+                                   const RunSpec* base) {
+  return Resolver(options, catalogue, base).Matrix(options);
+}
+
+ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& preset,
+                          const Catalogue& catalogue) {
+  ResolvedComponent now{catalogue.Find(recorded.info->kind, recorded.name()), {}};
+  for (const ParameterInfo& parameter : now.info->parameters) {
+    now.parameters.values.push_back(PresetOrDefault(parameter, preset));
+  }
+  Restore(recorded.parameters, &now.parameters);
+  return now;
+}
+
+std::string CanonicalJson(const RunSpec& spec) {
+  // nlohmann's objects are ordered by key, and its doubles are the shortest texts
+  // that read back the same.
+  Json json = {{"environment", CanonicalComponent(spec.environment)},
+               {"model", CanonicalComponent(spec.model)},
+               {"planner", CanonicalComponent(spec.planner)}};
+  if (!spec.evaluation) {
+    json["eval_planner"] = CanonicalComponent(spec.eval_planner);
+    json["run"] = CanonicalValues(spec.run);
+    return results::JsonText(json);
+  }
+  json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},
+                 {"eval_episodes", spec.run.Integer("eval_episodes")}};
+  json["evaluation"] = {{"env_step", spec.evaluation->env_step},
+                        {"agent_sha256", spec.evaluation->agent_sha256}};
+  if (spec.evaluation->behaviour) {
+    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
+  }
+  return results::JsonText(json);
+}
+
+std::string ConfigurationSha256(const RunSpec& spec) { return Sha256(CanonicalJson(spec)); }
+
+Json ToJson(const RunSpec& spec) {
+  Json json = {{"study", spec.study},
+               {"preset", spec.preset},
+               {"environment", ComponentJson(spec.environment)},
+               {"model", ComponentJson(spec.model)},
+               {"planner", ComponentJson(spec.planner)},
+               {"eval_planner", ComponentJson(spec.eval_planner)},
+               {"run", ValuesJson(spec.run)},
+               {"seed", spec.seed}};
+  if (const auto& evaluation = spec.evaluation) {
+    json["evaluation"] = {{"parent_run_id", evaluation->parent_run_id},
+                          {"parent_uuid", evaluation->parent_uuid},
+                          {"env_step", evaluation->env_step},
+                          {"episode_steps", evaluation->episode_steps},
+                          {"agent_sha256", evaluation->agent_sha256}};
+    if (evaluation->behaviour) {
+      json["evaluation"]["behaviour"] = ComponentJson(*evaluation->behaviour);
+    }
+  }
+  return json;
+}
+
+RunSpec RunSpecFromJson(const Json& json) {
+  try {
+    RunSpec spec;
+    json.at("study").get_to(spec.study);
+    json.at("preset").get_to(spec.preset);
+    spec.environment = ComponentFromJson(json.at("environment"));
+    spec.model = ComponentFromJson(json.at("model"));
+    spec.planner = ComponentFromJson(json.at("planner"));
+    spec.eval_planner = ComponentFromJson(json.at("eval_planner"));
+    spec.run = ValuesFromJson(json.at("run"));
+    json.at("seed").get_to(spec.seed);
+    if (const auto found = json.find("evaluation"); found != json.end()) {
+      EvaluationSpec& evaluation = spec.evaluation.emplace();
+      found->at("parent_run_id").get_to(evaluation.parent_run_id);
+      found->at("parent_uuid").get_to(evaluation.parent_uuid);
+      found->at("env_step").get_to(evaluation.env_step);
+      found->at("episode_steps").get_to(evaluation.episode_steps);
+      found->at("agent_sha256").get_to(evaluation.agent_sha256);
+      if (found->contains("behaviour")) {
+        evaluation.behaviour = ComponentFromJson(found->at("behaviour"));
+      }
+    }
+    return spec;
+  } catch (const Json::exception& error) {
+    throw RunnerError(ExitCode::kInternal,
+                      std::string("a run's description cannot be read: ") + error.what());
+  }
+}
+
+ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
+  for (const ResolvedValue& value : resolved.values) {
+    ParameterValue stored;
+    stored.name = texts_.emplace_back(value.name).c_str();
+    stored.number = value.number;
+    if (value.type == ParameterType::kChoice) {
+      stored.choice = texts_.emplace_back(value.choice).c_str();
+    }
+    values_.push_back(stored);
+  }
+}
+
+}  // namespace dreamsearch

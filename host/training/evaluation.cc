@@ -1,0 +1,289 @@
+#include "host/training/evaluation.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <exception>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "host/acting/activity_clock.h"
+#include "host/saving/byte_buffer.h"
+#include "host/plugins/catalogue.h"
+#include "host/system/error.h"
+#include "host/training/resumption.h"
+#include "host/settings/schedule.h"
+
+namespace dreamsearch {
+
+EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& spec,
+                                   const CheckpointSections& agent, std::uint32_t model_threads,
+                                   std::size_t episodes)
+    : env_step_(spec.evaluation->env_step) {
+  for (std::size_t i = 0; i < episodes; ++i) {
+    environments_.push_back(components.MakeEnvironment());
+  }
+  const EnvironmentSpec& task = environments_.front()->spec();
+  if (components.model().needs_environment) model_environment_ = components.MakeEnvironment();
+  behaviour_ = components.MakeBehaviour(task, model_threads);
+  model_ = components.MakeModel(task, model_threads, model_environment_.get(), behaviour_.get());
+  if (behaviour_ != nullptr) {
+    LoadModel(agent, spec.evaluation->behaviour->name(), behaviour_.get());
+  } else if (!agent.empty()) {
+    LoadModel(agent, spec.model.name(), model_.get());
+  }
+  joint_ = std::make_unique<JointModel>(model_.get(), episodes);
+  EpisodePlayers::Parts parts;
+  parts.model = joint_.get();
+  parts.environments = &environments_;
+  parts.agent.model_name = spec.model.name();
+  parts.agent.model_needs_environment = components.model().needs_environment;
+  parts.environment_name = spec.environment.name();
+  parts.action_repeat = spec.action_repeat();
+  parts.run_seed = spec.seed;
+  if (spec.planner.name() != kActorPlanner) {
+    for (std::size_t i = 0; i < episodes; ++i) {
+      parts.planners.push_back(components.MakePlanner(*model_));
+    }
+    parts.agent.planner_name = spec.planner.name();
+    parts.agent.metrics = components.planner().metrics.size;
+  }
+  players_ = std::make_unique<EpisodePlayers>(std::move(parts));
+}
+
+CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
+  if (spec.evaluation->parent_uuid.empty()) return {};
+  CheckpointSections sections;
+  try {
+    sections = ReadCheckpointFile(checkpoint);
+  } catch (const RunnerError& error) {
+    throw RunnerError(error.code(), std::string(error.what()) +
+                                        ": the trained run has gone on or its files were moved. "
+                                        "`runner eval` again takes its newest checkpoint");
+  }
+  const std::string found = Sha256(sections["model"]);
+  if (found != spec.evaluation->agent_sha256) {
+    throw RunnerError(ExitCode::kBadInput, checkpoint.string() +
+                                               " holds another agent: expected SHA-256 " +
+                                               spec.evaluation->agent_sha256 + ", found " + found +
+                                               ". `runner eval` again takes what is there now");
+  }
+  return sections;
+}
+
+// An episode that has ended.
+struct Evaluation::Played {
+  results::EpisodeRow row;
+  std::uint64_t decisions = 0;
+  std::vector<double> metric_sums;
+};
+
+// Where players and the recording thread meet.
+class Evaluation::Stage {
+ public:
+  Stage(std::uint64_t first, std::uint64_t end) : next_(first), end_(end) {}
+
+  // The next episode to play; nothing once all are taken or something went wrong.
+  std::optional<std::uint64_t> Take() {
+    const std::lock_guard lock(mutex_);
+    if (next_ == end_ || !faults_.empty()) return std::nullopt;
+    return next_++;
+  }
+  bool MayGoOn(std::uint64_t index) {
+    const std::lock_guard lock(mutex_);
+    return !stop.load(std::memory_order_relaxed) && faults_.MayGoOn(index);
+  }
+  void Deliver(std::uint64_t index, Played played) {
+    const std::lock_guard lock(mutex_);
+    played_[index] = std::move(played);
+    changed_.notify_all();
+  }
+  void Fail(std::uint64_t index, std::exception_ptr error) {
+    const std::lock_guard lock(mutex_);
+    faults_.Add(index, std::move(error));
+    changed_.notify_all();
+  }
+  // A finished episode if it is there, after waiting a moment for it.
+  std::optional<Played> Collect(std::uint64_t index) {
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, std::chrono::milliseconds(100),
+                      [&] { return played_.count(index) != 0 || !faults_.MayGoOn(index + 1); });
+    const auto found = played_.find(index);
+    if (found == played_.end()) return std::nullopt;
+    Played played = std::move(found->second);
+    played_.erase(found);
+    return played;
+  }
+  // The first episode that cannot be recorded.
+  std::uint64_t end() {
+    const std::lock_guard lock(mutex_);
+    return faults_.FirstOr(end_);
+  }
+  void RethrowError() {
+    const std::lock_guard lock(mutex_);
+    faults_.RethrowFirst();
+  }
+
+  std::atomic<std::uint64_t> env_steps{0};  // played by all threads
+  std::atomic<bool> stop{false};
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::uint64_t next_;
+  const std::uint64_t end_;
+  std::map<std::uint64_t, Played> played_;
+  EpisodeFaults faults_;
+};
+
+Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+                       std::filesystem::path folder)
+    : spec_(spec),
+      options_(options),
+      writer_(writer),
+      folder_(std::move(folder)),
+      components_(spec_) {
+  if (spec_.planner.name() == kActorPlanner) return;  // the actor alone has no metrics
+  for (const MetricSpec& metric : components_.planner().metrics) {
+    metric_ids_.push_back(
+        writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
+  }
+  metric_sums_.resize(metric_ids_.size());
+}
+
+Evaluation::~Evaluation() = default;
+
+void Evaluation::Load(const CheckpointSections& sections) {
+  ByteReader reader(sections.at("position"), "checkpoint section 'position'");
+  at_ = reader.Value<Position>();
+  reader.ArrayInto(metric_sums_.data(), metric_sums_.size());
+}
+
+results::ResumePoint Evaluation::ResumePointOf(const CheckpointSections& sections,
+                                               std::uint64_t env_step) {
+  const auto found = sections.find("position");
+  if (found == sections.end()) {
+    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'position'");
+  }
+  ByteReader reader(found->second, "checkpoint section 'position'");
+  const auto position = reader.Value<Position>();
+  results::ResumePoint point;
+  point.env_step = static_cast<std::int64_t>(env_step);
+  point.search_evaluation_episodes = static_cast<std::int64_t>(position.episodes);
+  point.actor_evaluation_episodes = static_cast<std::int64_t>(position.episodes);
+  point.events = static_cast<std::int64_t>(position.events);
+  return point;
+}
+
+void Evaluation::Record(const Played& played, double seconds) {
+  writer_->AddEpisode(played.row);
+  ++at_.episodes;
+  at_.decisions += played.decisions;
+  at_.env_steps += static_cast<std::uint64_t>(played.row.length);
+  at_.return_sum += played.row.episode_return;
+  at_.seconds = seconds;
+  for (std::size_t i = 0; i < metric_sums_.size(); ++i) {
+    metric_sums_[i] += played.metric_sums[i];
+    writer_->AddScalar(static_cast<std::int64_t>(env_step()), metric_ids_[i],
+                       metric_sums_[i] / static_cast<double>(at_.decisions));
+  }
+  writer_->AddTimeUse(static_cast<std::int64_t>(env_step()), "evaluation", seconds);
+  writer_->SetProgress(static_cast<std::int64_t>(env_step()));
+  writer_->Commit();
+  at_.events = static_cast<std::uint64_t>(writer_->events());
+  ByteWriter position;
+  position.Value(at_);
+  position.Vector(metric_sums_);
+  CheckpointSections sections;
+  sections["header"] = options_.checkpoint_header;
+  sections["position"] = std::move(position).bytes();
+  AddRowSums(*writer_, &sections);
+  CheckpointFolder(folder_).Write(at_.episodes, sections, at_.episodes - 1);
+}
+
+Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
+  const double started = ActivityClock::Now();
+  const double seconds_before = at_.seconds;
+  const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
+  const CheckpointSections agent = ReadAgent(spec_, options_.agent);
+  const std::uint64_t left = episodes - at_.episodes;
+  const std::uint64_t threads = std::min<std::uint64_t>(std::max(options_.threads, 1u), left);
+  const std::uint64_t together =
+      std::min(EpisodePlayers::kMost, threads == 0 ? 0 : (left + threads - 1) / threads);
+  // Made one after the other: a plugin's factories need not bear two threads.
+  std::vector<std::unique_ptr<EvaluationPlayer>> players;
+  for (std::size_t i = 0; i < threads; ++i) {
+    players.push_back(std::make_unique<EvaluationPlayer>(components_, spec_, agent, 1, together));
+  }
+
+  Stage stage(at_.episodes, episodes);
+  const auto play = [&](EvaluationPlayer* player) {
+    std::map<std::uint64_t, Played> playing;  // of this thread
+    EpisodeCourse course;
+    course.next = [&] {
+      const std::optional<std::uint64_t> index = stage.Take();
+      if (index) playing[*index].metric_sums.resize(metric_sums_.size());
+      return index;
+    };
+    course.go_on = [&](std::uint64_t index, std::uint64_t) { return stage.MayGoOn(index); };
+    course.decided = [&](std::uint64_t index, std::uint64_t, const Decision&,
+                         const Agent& player_agent) {
+      Played& played = playing[index];
+      ++played.decisions;
+      stage.env_steps += spec_.action_repeat();
+      for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
+        played.metric_sums[i] += player_agent.metrics()[i];
+      }
+    };
+    course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) {
+      Played played = std::move(playing[index]);
+      playing.erase(index);
+      played.row = row;
+      played.row.phase = spec_.planner.name() == kActorPlanner ? results::Phase::kActorEvaluation
+                                                               : results::Phase::kSearchEvaluation;
+      played.row.episode = static_cast<std::int64_t>(index);
+      played.row.env_step = static_cast<std::int64_t>(env_step());
+      stage.Deliver(index, std::move(played));
+    };
+    course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+      stage.Fail(index, std::move(error));
+    };
+    player->Play(course);
+  };
+
+  const std::uint64_t steps_before = at_.env_steps;
+  std::uint64_t watched = std::numeric_limits<std::uint64_t>::max();
+  {
+    std::vector<std::jthread> playing;  // joined at the scope's end
+    // However this scope is left, the players are told to end first.
+    struct Stopper {
+      std::atomic<bool>* stop;
+      ~Stopper() { *stop = true; }
+    };
+    const Stopper stopper{&stage.stop};
+    for (const auto& player : players) playing.emplace_back(play, player.get());
+    while (at_.episodes < stage.end() && !*stop) {
+      const std::optional<Played> played = stage.Collect(at_.episodes);
+      if (played) Record(*played, seconds_before + ActivityClock::Now() - started);
+      const std::uint64_t env_steps = stage.env_steps;
+      if (env_steps == watched) continue;  // a hanging plugin gives no sign of life
+      watched = env_steps;
+      writer_->CommitIfDue();
+      RunProgress progress;
+      progress.stage = "evaluate";
+      progress.decisions = threads * together;
+      progress.env_step = steps_before + env_steps;
+      progress.training_return = std::numeric_limits<double>::quiet_NaN();
+      progress.evaluation_return = at_.episodes == 0
+                                       ? std::numeric_limits<double>::quiet_NaN()
+                                       : at_.return_sum / static_cast<double>(at_.episodes);
+      watcher(progress);
+    }
+  }
+  if (*stop && at_.episodes < stage.end()) return Outcome::kInterrupted;
+  stage.RethrowError();
+  return Outcome::kFinished;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,103 @@
+// evaluation.h - a run of `runner eval`: episodes of a trained agent, or of a model
+// that needs no training, under one planner.
+//
+// Episode i has the seeds it has in every evaluation of the run seed, so a trained
+// run's own planner plays here the very episodes of its last evaluation. Each thread has
+// a model of its own and plays a group of episodes side by side (episode.h); they are
+// recorded in their order, and neither threads nor groups change anything but the time.
+// The planner `dreamer` is the actor alone and recorded as such (results::Phase).
+//
+// A checkpoint follows every recorded episode; a resume goes on with the next.
+// Errors   RunnerError, that of the first episode that has a fault: 72 when something is not
+// finite; 65 if the trained run's
+//          checkpoint is not the one that was to be evaluated, 66 if it is gone.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/acting/agent.h"
+#include "host/acting/components.h"
+#include "host/acting/episode.h"
+#include "host/acting/joint_model.h"
+#include "host/training/procedure.h"
+#include "results/database/run_writer.h"
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+// A trained agent, ready to play evaluation episodes.
+class EvaluationPlayer {
+ public:
+  // agent: the sections of the trained run's checkpoint; not read if the evaluation
+  // names no trained run. `model_threads` as for Model::SetThreads. `episodes`: as many
+  // are played side by side.
+  EvaluationPlayer(const Components& components, const RunSpec& spec,
+                   const CheckpointSections& agent, std::uint32_t model_threads,
+                   std::size_t episodes);
+
+  void Play(const EpisodeCourse& course) { players_->Play(course, env_step_); }
+
+ private:
+  const std::uint64_t env_step_;
+  std::vector<EnvironmentPtr> environments_;  // of each episode
+  EnvironmentPtr model_environment_;
+  ModelPtr behaviour_;
+  ModelPtr model_;
+  std::unique_ptr<JointModel> joint_;
+  std::unique_ptr<EpisodePlayers> players_;
+};
+
+// The trained run's checkpoint, checked against what the evaluation names; empty if
+// it names no trained run.
+CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint);
+
+class Evaluation final : public Procedure {
+ public:
+  struct Options {
+    std::uint32_t threads = 1;      // groups of episodes at once
+    std::filesystem::path agent;    // the trained run's checkpoint; empty for none
+    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
+  };
+
+  // `writer` receives the rows; it must have an open segment.
+  Evaluation(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+             std::filesystem::path folder);
+  ~Evaluation() override;
+
+  void Load(const CheckpointSections& sections) override;
+  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
+  std::uint64_t env_step() const override { return spec_.evaluation->env_step; }
+
+  // What a resume needs to know of a checkpoint.
+  static results::ResumePoint ResumePointOf(const CheckpointSections& sections,
+                                            std::uint64_t env_step);
+
+ private:
+  struct Played;
+  class Stage;
+
+  // What is recorded so far; saved as it is.
+  struct Position {
+    std::uint64_t episodes = 0;
+    std::uint64_t decisions = 0;
+    std::uint64_t env_steps = 0;  // played
+    std::uint64_t events = 0;
+    double return_sum = 0;
+    double seconds = 0;  // of wall time, all segments
+  };
+
+  void Record(const Played& played, double seconds);
+
+  const RunSpec spec_;
+  const Options options_;
+  results::RunWriter* writer_;
+  const std::filesystem::path folder_;
+  Components components_;
+  std::vector<std::int64_t> metric_ids_;
+  std::vector<double> metric_sums_;  // over all recorded decisions
+  Position at_;
+};
+
+}  // namespace dreamsearch

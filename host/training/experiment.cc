@@ -1,0 +1,591 @@
+#include "host/training/experiment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "host/saving/byte_buffer.h"
+#include "host/system/error.h"
+#include "results/database/digest.h"
+#include "results/system/json_text.h"
+#include "host/training/resumption.h"
+#include "host/settings/schedule.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+constexpr char kTreePrefix[] = "tree ";
+
+// The database counts in signed 64-bit integers.
+std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
+
+}  // namespace
+
+Experiment::Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+                       std::filesystem::path folder)
+    : spec_(spec),
+      options_(options),
+      writer_(writer),
+      folder_(std::move(folder)),
+      target_(spec.steps()),
+      components_(spec_),
+      environment_(components_.MakeEnvironment()),
+      model_environment_(components_.model().needs_environment ? components_.MakeEnvironment()
+                                                               : nullptr),
+      model_(
+          components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
+      planner_(components_.MakePlanner(*model_)),
+      replay_(environment_->spec().observation_size, environment_->spec().action_size,
+              Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
+      eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
+      clock_(options.segment_started),
+      observation_(environment_->spec().observation_size),
+      action_(environment_->spec().action_size),
+      episode_metrics_(components_.planner().metrics.size),
+      burst_metrics_(components_.model().metrics.size),
+      metrics_(components_.model().metrics.size) {
+  Agent::Parts parts;
+  parts.model = model_.get();
+  parts.model_name = spec_.model.name();
+  parts.planner = planner_.get();
+  parts.planner_name = spec_.planner.name();
+  parts.metrics = components_.planner().metrics.size;
+  parts.environment = environment_.get();
+  parts.model_needs_environment = components_.model().needs_environment;
+  parts.run_seed = spec_.seed;
+  agent_ = std::make_unique<Agent>(parts);
+
+  const std::uint64_t together =
+      std::min<std::uint64_t>(EpisodePlayers::kMost, spec_.run.Integer("eval_episodes"));
+  for (std::uint64_t i = 0; i < together; ++i) {
+    evaluation_environments_.push_back(components_.MakeEnvironment());
+  }
+  joint_model_ = std::make_unique<JointModel>(model_.get(), together);
+  const auto players = [&](bool search) {
+    EpisodePlayers::Parts evaluation;
+    evaluation.model = joint_model_.get();
+    evaluation.environments = &evaluation_environments_;
+    evaluation.agent.model_name = spec_.model.name();
+    evaluation.agent.model_needs_environment = components_.model().needs_environment;
+    evaluation.environment_name = spec_.environment.name();
+    evaluation.action_repeat = spec_.action_repeat();
+    evaluation.run_seed = spec_.seed;
+    if (search) {
+      for (std::uint64_t i = 0; i < together; ++i) {
+        evaluation.planners.push_back(components_.MakeEvaluationPlanner(*model_));
+      }
+      evaluation.agent.planner_name = spec_.eval_planner.name();
+      evaluation.agent.metrics = components_.evaluation_planner().metrics.size;
+    }
+    return std::make_unique<EpisodePlayers>(std::move(evaluation));
+  };
+  if (spec_.eval_planner.name() != kActorPlanner) search_players_ = players(true);
+  actor_players_ = players(false);
+
+  const std::uint64_t episode_steps = environment_->spec().episode_steps;
+  plan_us_.reserve(episode_steps);
+  episode_actions_.reserve(episode_steps * environment_->spec().action_size);
+
+  for (const MetricSpec& metric : components_.planner().metrics) {
+    planner_metric_ids_.push_back(writer_->Metric(
+        spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
+  }
+  for (const MetricSpec& metric : components_.model().metrics) {
+    model_metric_ids_.push_back(writer_->Metric(
+        spec_.model.name() + "." + metric.name, metric.unit, metric.help));
+  }
+  at_.last_training_return = kNaN;
+  at_.last_evaluation_return = kNaN;
+}
+
+Experiment::~Experiment() = default;
+
+Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
+  stop_ = stop;
+  watcher_ = watcher;
+  const auto stopping = [&] { return stop_->load(std::memory_order_relaxed); };
+  try {
+    while (at_.stage != Stage::kDone) {
+      if (stopping()) {
+        WriteCheckpoint(true);
+        return Outcome::kInterrupted;
+      }
+      switch (at_.stage) {
+        case Stage::kEvaluate:
+          AdjustThreads();
+          Watch("evaluate");
+          if (!Evaluate()) break;  // a stop was asked for
+          at_.stage = at_.env_step >= target_ ? Stage::kDone : Stage::kEpisodeStart;
+          break;
+        case Stage::kEpisodeStart:
+          MaybeCheckpoint();
+          BeginEpisode();
+          at_.stage = Stage::kEpisode;
+          break;
+        case Stage::kEpisode:
+          MakeDecision();
+          Watch(episode_.random != 0 ? "explore at random" : "interact");
+          break;
+        case Stage::kLearn:
+          if (at_.pending_updates > 0) {
+            AdjustThreads();
+            MakeUpdate();
+            Watch("learn");
+          } else {
+            FinishUpdates();
+          }
+          break;
+        case Stage::kDone:
+          break;
+      }
+    }
+  } catch (const RunnerError& error) {
+    if (error.code() == ExitCode::kDiverged) DumpDivergence(error.what());
+    throw;
+  }
+  WriteCheckpoint(false);
+  RecordTimeUse();  // again, with the checkpoint's own time
+  Watch("finished");
+  return Outcome::kFinished;
+}
+
+void Experiment::Watch(const char* stage) {
+  RunProgress progress;
+  progress.stage = stage;
+  progress.env_step = at_.env_step;
+  progress.training_return = at_.last_training_return;
+  progress.evaluation_return = at_.last_evaluation_return;
+  if (at_.stage == Stage::kEvaluate) progress.decisions = joint_model_->seats();
+  progress.threads = threads_;
+  watcher_(progress);
+}
+
+void Experiment::BeginEpisode() {
+  const ActivityScope scope(&clock_, Activity::kEnvironment);
+  const auto seed = static_cast<std::uint32_t>(
+      SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
+  ThrowUnlessOk(environment_->Reset(seed, {observation_.data(), observation_.size()}),
+                "environment '" + spec_.environment.name() + "' Reset");
+  if (!AllFinite({observation_.data(), observation_.size()})) {
+    throw RunnerError(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
+                                               "': the first observation is not finite");
+  }
+  replay_.BeginEpisode({observation_.data(), observation_.size()});
+  episode_ = EpisodeState();
+  episode_.random =
+      at_.env_step < spec_.run.Integer("prefill_steps") ? 1 : 0;
+  episode_.transitions_before = agent_->transitions();
+  std::fill(action_.begin(), action_.end(), 0.0);
+  std::fill(episode_metrics_.begin(), episode_metrics_.end(), 0.0);
+  plan_us_.clear();
+  episode_actions_.clear();
+  trees_.clear();
+  agent_->BeginEpisode(Phase::kTraining, at_.training_episodes);
+}
+
+void Experiment::MakeDecision() {
+  const double begin = ActivityClock::Now();
+  Decision decision;
+  if (episode_.random != 0) {
+    Random random(SeedFor(spec_.seed, SeedUse::kRandomAction, Phase::kTraining,
+                          at_.training_episodes, episode_.t));
+    for (double& entry : action_) entry = random.Uniform(-1, 1);
+  } else {
+    const ActivityScope scope(&clock_, Activity::kPlanning);
+    tree_.Clear();
+    decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step,
+                              options_.record_trees ? &tree_ : nullptr);
+    if (options_.record_trees) KeepTree(decision);
+    std::copy(agent_->action().begin(), agent_->action().end(), action_.begin());
+    for (std::size_t i = 0; i < episode_metrics_.size(); ++i) {
+      episode_metrics_[i] += agent_->metrics()[i];
+    }
+  }
+  HeldAction held;
+  {
+    const ActivityScope scope(&clock_, Activity::kEnvironment);
+    held = HoldAction(environment_.get(), spec_.environment.name(),
+                      {action_.data(), action_.size()},
+                      std::min<std::uint64_t>(target_ - at_.env_step, spec_.action_repeat()),
+                      {observation_.data(), observation_.size()});
+    replay_.Add({action_.data(), action_.size()}, held.reward, held.discount,
+                {observation_.data(), observation_.size()});
+    episode_actions_.insert(episode_actions_.end(), action_.begin(), action_.end());
+  }
+  at_.env_step += held.steps;
+  ++at_.decisions;
+  episode_.length += held.steps;
+  episode_.episode_return += held.reward;
+  results::EpisodeDigest digest(episode_.digest);
+  digest.AddDecision(action_.data(), action_.size(), held.reward, decision.value);
+  episode_.digest = digest.state();
+  plan_us_.push_back(decision.plan_us);
+
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  results::StepRow row;
+  row.env_step = Signed(at_.env_step);
+  row.episode = Signed(at_.training_episodes);
+  row.t = Signed(episode_.t);
+  row.reward = held.reward;
+  row.value = decision.value;
+  row.plan_us = std::llround(decision.plan_us);
+  row.simulations = decision.simulations;
+  row.nodes = decision.nodes;
+  row.depth = decision.depth;
+  writer_->AddStep(row);
+  if (options_.log_decisions && episode_.random == 0) {
+    for (std::size_t i = 0; i < planner_metric_ids_.size(); ++i) {
+      writer_->AddScalar(Signed(at_.env_step), planner_metric_ids_[i], agent_->metrics()[i]);
+    }
+  }
+  ++episode_.t;
+  episode_.wall_seconds += ActivityClock::Now() - begin;
+  if (!held.last) CheckLength(*environment_, spec_.environment.name(), episode_.length);
+  if (held.last || at_.env_step >= target_) FinishEpisode();
+}
+
+std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,
+                                            std::uint64_t episode) {
+  return folder / ("trees-" + std::to_string(episode) + ".trees");
+}
+
+std::string Experiment::TreeSection(std::uint64_t decision) {
+  return kTreePrefix + std::to_string(decision);
+}
+
+void Experiment::KeepTree(const Decision& decision) {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  if (tree_.faulty()) {
+    throw RunnerError(ExitCode::kInternal, "planner '" + spec_.planner.name() +
+                                               "' reported an edge before its parent, or memory "
+                                               "ran out");
+  }
+  if (tree_.edges().empty()) return;
+  nlohmann::json json = TreeJson(tree_, agent_->action(), decision, agent_->metrics(),
+                                 components_.planner().metrics);
+  json["env_step"] = at_.env_step;
+  trees_[TreeSection(episode_.t)] = results::JsonText(json);
+}
+
+void Experiment::FinishEpisode() {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  if (!trees_.empty()) {
+    const std::filesystem::path path = TreesPath(folder_, at_.training_episodes);
+    WriteCheckpointFile(path, trees_);
+    AddArtifact(path, "trees");
+    trees_.clear();
+  }
+  replay_.EndEpisode();
+  results::EpisodeRow row;
+  row.phase = results::Phase::kTraining;
+  row.episode = Signed(at_.training_episodes);
+  row.env_step = Signed(at_.env_step);
+  row.length = Signed(episode_.length);
+  row.episode_return = episode_.episode_return;
+  row.wall_seconds = episode_.wall_seconds;
+  row.plan_us_mean = Mean(plan_us_);
+  row.plan_us_p95 = Percentile95(plan_us_);
+  row.model_transitions = Signed(agent_->transitions() - episode_.transitions_before);
+  row.digest = episode_.digest;
+  writer_->AddEpisode(row);
+  if (episode_.random == 0 && !options_.log_decisions) {
+    for (std::size_t i = 0; i < planner_metric_ids_.size(); ++i) {
+      writer_->AddScalar(Signed(at_.env_step), planner_metric_ids_[i],
+                         episode_metrics_[i] / static_cast<double>(episode_.t));
+    }
+  }
+  at_.last_training_return = episode_.episode_return;
+  ++at_.training_episodes;
+
+  // What the episode earned in updates.
+  const auto prefill = spec_.run.Integer("prefill_steps");
+  const auto train_every = spec_.run.Integer("train_every");
+  if (at_.env_step >= prefill) {
+    if (at_.pretrained == 0) {
+      at_.pretrained = 1;
+      at_.pending_updates = spec_.run.Integer("pretrain_updates");
+      at_.learned_env_step = at_.env_step;
+    } else {
+      at_.pending_updates = (at_.env_step - at_.learned_env_step) / train_every;
+      at_.learned_env_step += at_.pending_updates * train_every;
+    }
+  }
+  at_.stage = Stage::kLearn;
+  writer_->SetProgress(Signed(at_.env_step));
+  writer_->Commit();
+}
+
+void Experiment::AdjustThreads() {
+  if (options_.threads == nullptr) return;
+  const std::uint32_t threads = std::max(1u, options_.threads->load(std::memory_order_relaxed));
+  if (threads == threads_) return;
+  model_->SetThreads(threads);
+  threads_ = threads;
+}
+
+void Experiment::MakeUpdate() {
+  const ActivityScope scope(&clock_, Activity::kLearning);
+  TrainRequest request;
+  request.batch =
+      replay_.Sample(spec_.run.Integer("batch_size"),
+                     spec_.run.Integer("sequence_length"),
+                     SeedFor(spec_.seed, SeedUse::kReplay, Phase::kTraining, at_.updates, 0));
+  request.seed = SeedFor(spec_.seed, SeedUse::kTrain, Phase::kTraining, at_.updates, 0);
+  request.update = at_.updates;
+  request.environment_step = at_.env_step;
+  const Status status = model_->Train(request, {metrics_.data(), metrics_.size()});
+  if (status.code == StatusCode::kUnimplemented) {  // nothing to learn, an oracle
+    at_.pending_updates = 0;
+    return;
+  }
+  const std::string what = "model '" + spec_.model.name() + "' update " +
+                           std::to_string(at_.updates);
+  ThrowUnlessOk(status, what);
+  for (std::size_t i = 0; i < metrics_.size(); ++i) {
+    if (!std::isfinite(metrics_[i])) {
+      throw RunnerError(ExitCode::kDiverged, what + ": " + components_.model().metrics[i].name +
+                                                 " is not finite");
+    }
+    burst_metrics_[i] += metrics_[i];
+  }
+  writer_->CommitIfDue();
+  ++at_.burst_updates;
+  ++at_.updates;
+  --at_.pending_updates;
+}
+
+void Experiment::FinishUpdates() {
+  {
+    const ActivityScope scope(&clock_, Activity::kRecording);
+    if (at_.burst_updates > 0) {
+      for (std::size_t i = 0; i < model_metric_ids_.size(); ++i) {
+        writer_->AddScalar(Signed(at_.env_step), model_metric_ids_[i],
+                           burst_metrics_[i] / static_cast<double>(at_.burst_updates));
+      }
+      at_.burst_updates = 0;
+      std::fill(burst_metrics_.begin(), burst_metrics_.end(), 0.0);
+    }
+  }
+  const bool spent = at_.env_step >= target_;
+  const bool due = at_.env_step / eval_every_ > at_.evaluated_mark;
+  at_.stage = spent || due ? Stage::kEvaluate : Stage::kEpisodeStart;
+  RecordTimeUse();
+}
+
+bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
+                              std::vector<results::EpisodeRow>* rows) {
+  const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
+  const std::size_t before = rows->size();
+  rows->resize(before + episodes);
+  std::uint64_t taken = 0, ended = 0;
+  EpisodeFaults faults;
+  EpisodeCourse course;
+  course.next = [&]() -> std::optional<std::uint64_t> {
+    if (taken == episodes || !faults.empty()) return std::nullopt;
+    return taken++;
+  };
+  course.go_on = [&](std::uint64_t index, std::uint64_t) {
+    if (stop_->load(std::memory_order_relaxed) || !faults.MayGoOn(index)) return false;
+    Watch("evaluate");
+    writer_->CommitIfDue();
+    return true;
+  };
+  course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) {
+    ++ended;
+    results::EpisodeRow& kept = (*rows)[before + index];
+    kept = row;
+    kept.phase = phase;
+    kept.episode = Signed(at_.evaluations * episodes + index);
+    kept.env_step = Signed(at_.env_step);
+  };
+  course.failed = [&](std::uint64_t index, std::exception_ptr error) {
+    faults.Add(index, std::move(error));
+  };
+  players->Play(course, at_.env_step);
+  if (ended < faults.FirstOr(episodes) && stop_->load(std::memory_order_relaxed)) return false;
+  faults.RethrowFirst();
+  return true;
+}
+
+bool Experiment::Evaluate() {
+  const auto episodes = spec_.run.Integer("eval_episodes");
+  std::vector<results::EpisodeRow> rows;
+  double mean_return = 0;
+  {
+    const ActivityScope scope(&clock_, Activity::kEvaluation);
+    if (search_players_ != nullptr &&
+        !EvaluateWith(search_players_.get(), results::Phase::kSearchEvaluation, &rows)) {
+      return false;
+    }
+    if (!EvaluateWith(actor_players_.get(), results::Phase::kActorEvaluation, &rows)) return false;
+    // The run's own way of acting, which comes first, is what the progress line shows.
+    for (std::uint64_t i = 0; i < episodes; ++i) mean_return += rows[i].episode_return;
+    mean_return /= static_cast<double>(episodes);
+  }
+  {
+    const ActivityScope scope(&clock_, Activity::kRecording);
+    for (const results::EpisodeRow& row : rows) writer_->AddEpisode(row);
+  }
+  ++at_.evaluations;
+  at_.evaluation_episodes += episodes;
+  at_.evaluated_mark = at_.env_step / eval_every_;
+  if (episodes > 0) at_.last_evaluation_return = mean_return;
+  RecordTimeUse();
+  return true;
+}
+
+void Experiment::RecordTimeUse() {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  const ActivityClock::Seconds& seconds = clock_.Totals();
+  for (std::size_t i = 0; i < kActivities; ++i) {
+    writer_->AddTimeUse(Signed(at_.env_step), kActivityNames[i], seconds[i]);
+  }
+  writer_->Commit();
+}
+
+void Experiment::MaybeCheckpoint() {
+  const auto every = spec_.run.Integer("checkpoint_every");
+  if (at_.env_step >= at_.checkpoint_env_step + every) WriteCheckpoint(true);
+}
+
+void Experiment::WriteCheckpoint(bool with_replay) {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  // The rows before the checkpoint first: a resume relies on them.
+  writer_->SetProgress(Signed(at_.env_step));
+  writer_->Commit();
+  const std::uint64_t before = at_.checkpoint_env_step;
+  at_.checkpoint_env_step = at_.env_step;
+  at_.events = static_cast<std::uint64_t>(writer_->events());
+  CheckpointSections sections = Save(with_replay);
+  AddRowSums(*writer_, &sections);
+  const std::filesystem::path path =
+      CheckpointFolder(folder_).Write(at_.env_step, sections, before);
+  AddArtifact(path, "checkpoint");
+  writer_->Commit();
+}
+
+void Experiment::AddArtifact(const std::filesystem::path& path, const std::string& kind) {
+  writer_->AddArtifact(path.string(), kind, Signed(at_.env_step),
+                       Signed(std::filesystem::file_size(path)),
+                       results::Sha256HexOfFile(path.string()));
+}
+
+void Experiment::DumpDivergence(const std::string& message) {
+  writer_->AddEvent(Signed(at_.env_step), "error", "divergence", message);
+  const std::filesystem::path path =
+      folder_ / ("divergence-" + std::to_string(at_.env_step) + ".ckpt");
+  try {
+    WriteCheckpointFile(path, Save(true));
+    AddArtifact(path, "divergence");
+  } catch (const RunnerError& error) {
+    writer_->AddEvent(Signed(at_.env_step), "warning", "no_state_dump", error.what());
+  }
+  writer_->Commit();
+}
+
+CheckpointSections Experiment::Save(bool with_replay) const {
+  CheckpointSections sections;
+  sections["header"] = options_.checkpoint_header;
+  StringSink model;
+  ThrowUnlessOk(model_->Save(&model), "model '" + spec_.model.name() + "' Save");
+  sections["model"] = std::move(model.bytes);
+
+  ByteWriter position;
+  position.Value(at_);
+  position.Value(const_cast<ActivityClock&>(clock_).Totals());
+  position.Vector(burst_metrics_);
+  sections["position"] = std::move(position).bytes();
+
+  if (with_replay) sections["replay"] = replay_.Save();
+  if (at_.stage == Stage::kEpisode) {
+    ByteWriter episode;
+    episode.Value(episode_);
+    episode.Vector(observation_);
+    episode.Vector(action_);
+    episode.Vector(episode_actions_);
+    episode.Vector(plan_us_);
+    episode.Vector(episode_metrics_);
+    std::vector<std::byte> state(environment_->spec().state_bytes);
+    if (!state.empty()) {
+      ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
+                    "environment '" + spec_.environment.name() + "' SaveState");
+    }
+    episode.Vector(state);
+    agent_->Save(&episode);
+    sections["episode"] = std::move(episode).bytes();
+    sections.insert(trees_.begin(), trees_.end());
+  }
+  return sections;
+}
+
+void Experiment::Load(const CheckpointSections& sections) {
+  const auto section = [&](const char* name) -> const std::string& {
+    const auto found = sections.find(name);
+    if (found == sections.end()) {
+      throw RunnerError(ExitCode::kBadInput,
+                        std::string("the checkpoint has no section '") + name + "'");
+    }
+    return found->second;
+  };
+  LoadModel(sections, spec_.model.name(), model_.get());
+
+  ByteReader position(section("position"), "checkpoint section 'position'");
+  at_ = position.Value<Position>();
+  clock_.set_totals(position.Value<ActivityClock::Seconds>());
+  position.ArrayInto(burst_metrics_.data(), burst_metrics_.size());
+  if (sections.count("replay") != 0) replay_.Load(section("replay"));
+
+  if (at_.stage != Stage::kEpisode) return;
+  for (const auto& [name, bytes] : sections) {
+    if (name.starts_with(kTreePrefix)) trees_[name] = bytes;
+  }
+  ByteReader episode(section("episode"), "checkpoint section 'episode'");
+  episode_ = episode.Value<EpisodeState>();
+  episode.ArrayInto(observation_.data(), observation_.size());
+  episode.ArrayInto(action_.data(), action_.size());
+  episode_actions_ = episode.Vector<double>();
+  plan_us_ = episode.Vector<double>();
+  episode_metrics_ = episode.Vector<double>();
+  const std::vector<std::byte> state = episode.Vector<std::byte>();
+  if (!state.empty()) {
+    ThrowUnlessOk(environment_->RestoreState({state.data(), state.size()}),
+                  "environment '" + spec_.environment.name() + "' RestoreState");
+  } else {
+    // No saved state: live the episode again. The same seed and actions give the
+    // same bits.
+    const auto seed = static_cast<std::uint32_t>(
+        SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
+    std::vector<double> observation(observation_.size());
+    const View<double> view{observation.data(), observation.size()};
+    ThrowUnlessOk(environment_->Reset(seed, view),
+                  "environment '" + spec_.environment.name() + "' Reset");
+    for (std::uint64_t t = 0; t < episode_.t; ++t) {
+      HoldAction(environment_.get(), spec_.environment.name(),
+                 {episode_actions_.data() + t * action_.size(), action_.size()},
+                 spec_.action_repeat(), view);
+    }
+  }
+  agent_->Load(&episode);
+}
+
+results::ResumePoint Experiment::ResumePointOf(const CheckpointSections& sections) {
+  const auto found = sections.find("position");
+  if (found == sections.end()) {
+    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'position'");
+  }
+  ByteReader reader(found->second, "checkpoint section 'position'");
+  const auto position = reader.Value<Position>();
+  results::ResumePoint point;
+  point.env_step = Signed(position.env_step);
+  point.training_episodes = Signed(position.training_episodes);
+  point.search_evaluation_episodes = Signed(position.evaluation_episodes);
+  point.actor_evaluation_episodes = Signed(position.evaluation_episodes);
+  point.events = Signed(position.events);
+  return point;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,167 @@
+// experiment.h - one run: interact, sample, fit, dream, until the budget is spent.
+//
+// The schedule is that of Koul et al. 2020 and Dreamer (Hafner et al. 2020):
+// episodes that begin before run.prefill_steps are uniformly random; then
+// run.pretrain_updates; then, at the end of each episode, one update for every
+// run.train_every environment steps gained. Evaluations come at step 0, at the
+// first episode end after every run.eval_every environment steps, and at the end.
+//
+// Units    an *environment step* is one control step of the simulator, before
+//          action repeat; a *decision* is one chosen action, random ones included.
+// Stopping Run returns kInterrupted within one decision or update of a request;
+//          Save then holds everything, mid-episode too, and a new Experiment that
+//          loads it goes on with the very bits.
+// Errors   RunnerError: 72 when something is not finite, 70 for other faults.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/acting/activity_clock.h"
+#include "host/acting/agent.h"
+#include "host/saving/checkpoint.h"
+#include "host/acting/components.h"
+#include "host/acting/decision_tree.h"
+#include "host/acting/episode.h"
+#include "host/acting/joint_model.h"
+#include "host/training/procedure.h"
+#include "host/training/replay.h"
+#include "results/database/run_writer.h"
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+class Experiment final : public Procedure {
+ public:
+  struct Options {
+    // How many threads the model may use, looked at before every update and evaluation;
+    // null: one.
+    const std::atomic<std::uint32_t>* threads = nullptr;
+    bool log_decisions = false;
+    bool record_trees = false;  // keep the training decisions' search trees
+    double segment_started = ActivityClock::Now();  // from when wall time is accounted
+    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
+  };
+  // `writer` receives the rows; it must have an open segment.
+  Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
+             std::filesystem::path folder);
+  ~Experiment() override;
+
+  Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
+
+  // The state, `with_replay` unless it is the last checkpoint of a finished run.
+  CheckpointSections Save(bool with_replay) const;
+  void Load(const CheckpointSections& sections) override;
+
+  std::uint64_t env_step() const override { return at_.env_step; }
+  const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
+
+  // The file in a run's folder with the trees of a training episode: a checkpoint file
+  // with a section TreeSection(t) for each decision t whose planner reported a tree,
+  // TreeJson with `env_step`.
+  static std::filesystem::path TreesPath(const std::filesystem::path& folder,
+                                         std::uint64_t episode);
+  static std::string TreeSection(std::uint64_t decision);
+
+  // What a resume needs to know of a checkpoint without making the components.
+  static results::ResumePoint ResumePointOf(const CheckpointSections& sections);
+
+ private:
+  enum class Stage : std::uint32_t { kEpisodeStart, kEpisode, kLearn, kEvaluate, kDone };
+
+  // The counters that decide what comes next; saved as they are.
+  struct Position {
+    std::uint64_t env_step = 0;
+    std::uint64_t decisions = 0;
+    std::uint64_t training_episodes = 0;  // finished ones
+    std::uint64_t evaluations = 0;        // finished ones
+    std::uint64_t evaluation_episodes = 0;
+    std::uint64_t events = 0;             // events recorded by the checkpoint
+    std::uint64_t evaluated_mark = 0;     // env_step / eval_every at the last one
+    std::uint64_t updates = 0;
+    std::uint64_t pending_updates = 0;
+    std::uint64_t learned_env_step = 0;   // env_step up to which updates were granted
+    std::uint64_t checkpoint_env_step = 0;
+    std::uint64_t pretrained = 0;
+    std::uint64_t burst_updates = 0;      // updates summed in burst_metrics_
+    double last_training_return = 0;
+    double last_evaluation_return = 0;
+    Stage stage = Stage::kEvaluate;
+    std::uint32_t reserved = 0;
+  };
+
+  // The episode under way.
+  struct EpisodeState {
+    std::uint64_t t = 0;       // decisions made
+    std::uint64_t length = 0;  // environment steps made
+    std::uint64_t random = 0;  // whole episode of random actions
+    double episode_return = 0;
+    double wall_seconds = 0;
+    std::uint64_t transitions_before = 0;
+    std::uint64_t digest = 0;
+  };
+
+  void BeginEpisode();
+  void MakeDecision();
+  void FinishEpisode();
+  void AdjustThreads();
+  void MakeUpdate();
+  void FinishUpdates();
+  // False if a stop was asked for: then nothing was recorded.
+  bool Evaluate();
+  // Adds the rows of an evaluation's episodes; false if a stop was asked for.
+  bool EvaluateWith(EpisodePlayers* players, results::Phase phase,
+                    std::vector<results::EpisodeRow>* rows);
+  void KeepTree(const Decision& decision);
+  void MaybeCheckpoint();
+  void RecordTimeUse();
+  void WriteCheckpoint(bool with_replay);
+  void Watch(const char* stage);
+  void AddArtifact(const std::filesystem::path& path, const std::string& kind);
+  void DumpDivergence(const std::string& message);
+
+  const RunSpec spec_;
+  const Options options_;
+  results::RunWriter* writer_;
+  const std::filesystem::path folder_;
+  const std::uint64_t target_;
+
+  Components components_;
+  EnvironmentPtr environment_;
+  std::vector<EnvironmentPtr> evaluation_environments_;
+  EnvironmentPtr model_environment_;
+  ModelPtr model_;
+  std::uint32_t threads_ = 1;  // that the model was told of
+  PlannerPtr planner_;
+  std::unique_ptr<Agent> agent_;
+  std::unique_ptr<JointModel> joint_model_;         // as the evaluations' episodes see it
+  std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is `dreamer`
+  std::unique_ptr<EpisodePlayers> actor_players_;
+  Replay replay_;
+  const std::uint64_t eval_every_;  // environment steps
+
+  ActivityClock clock_;
+  Position at_;
+  EpisodeState episode_;
+  std::vector<double> observation_;          // what the next decision sees
+  std::vector<double> action_;               // the last action
+  std::vector<double> episode_actions_;      // of this episode, for environments without SaveState
+  std::vector<double> plan_us_;              // of this episode
+  std::vector<double> episode_metrics_;      // sums over this episode's planned decisions
+  std::vector<double> burst_metrics_;        // sums over the updates since the last record
+  std::vector<double> metrics_;
+  TreeCollector tree_;
+  CheckpointSections trees_;                 // of this episode, by TreeSection
+
+  std::vector<std::int64_t> planner_metric_ids_;
+  std::vector<std::int64_t> model_metric_ids_;
+
+  const std::atomic<bool>* stop_ = nullptr;
+  Watcher watcher_;
+};
+
+}  // namespace dreamsearch

@@ -1,0 +1,179 @@
+#include "host/training/replay.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+#include <string>
+
+#include "host/saving/byte_buffer.h"
+#include "dreamsearch/random.h"
+#include "host/system/error.h"
+
+namespace dreamsearch {
+
+Replay::Replay(std::uint64_t observation_size, std::uint64_t action_size, std::uint64_t capacity)
+    : observation_size_(observation_size), action_size_(action_size), capacity_(capacity) {
+  observations_.resize(capacity * observation_size);
+  actions_.resize(capacity * action_size);
+  rewards_.resize(capacity);
+  discounts_.resize(capacity);
+  is_first_.resize(capacity);
+}
+
+void Replay::BeginEpisode(View<const double> observation) {
+  if (rows_ == capacity_) MakeRoom();
+  episodes_.push_back({rows_, 0, 0});
+  Append({}, 0, 1, observation, true);
+}
+
+void Replay::Add(View<const double> action, double reward, double discount,
+                 View<const double> observation) {
+  assert(!episodes_.empty() && !episodes_.back().finished);
+  if (rows_ == capacity_) MakeRoom();
+  Append(action, reward, discount, observation, false);
+}
+
+void Replay::EndEpisode() {
+  assert(!episodes_.empty() && !episodes_.back().finished);
+  episodes_.back().finished = 1;
+  finished_rows_ += episodes_.back().rows;
+}
+
+void Replay::Append(View<const double> action, double reward, double discount,
+                    View<const double> observation, bool is_first) {
+  assert(observation.size == observation_size_);
+  float* to = observations_.data() + rows_ * observation_size_;
+  for (std::uint64_t i = 0; i < observation_size_; ++i) to[i] = static_cast<float>(observation[i]);
+  to = actions_.data() + rows_ * action_size_;
+  for (std::uint64_t i = 0; i < action_size_; ++i) {
+    to[i] = is_first ? 0.0f : static_cast<float>(action[i]);
+  }
+  rewards_[rows_] = static_cast<float>(reward);
+  discounts_[rows_] = static_cast<float>(discount);
+  is_first_[rows_] = is_first ? 1 : 0;
+  ++rows_;
+  ++episodes_.back().rows;
+}
+
+// Forgets the oldest finished episodes, an eighth of the capacity at a time, so
+// that moving the rest down costs little a row.
+void Replay::MakeRoom() {
+  std::uint64_t drop = 0;
+  while (drop < episodes_.size() && episodes_[drop].finished &&
+         (drop == 0 || episodes_[drop].first < capacity_ / 8)) {
+    ++drop;
+  }
+  if (drop == 0) {
+    throw RunnerError(ExitCode::kUsage,
+                      "run.replay_capacity " + std::to_string(capacity_) +
+                          " does not hold one episode; give at least the decisions of two episodes");
+  }
+  const std::uint64_t cut = drop < episodes_.size() ? episodes_[drop].first : rows_;
+  for (std::uint64_t i = 0; i < drop; ++i) finished_rows_ -= episodes_[i].rows;
+  episodes_.erase(episodes_.begin(), episodes_.begin() + static_cast<std::ptrdiff_t>(drop));
+  for (Episode& episode : episodes_) episode.first -= cut;
+  const auto move_down = [&](auto& values, std::uint64_t width) {
+    std::copy(values.begin() + static_cast<std::ptrdiff_t>(cut * width),
+              values.begin() + static_cast<std::ptrdiff_t>(rows_ * width), values.begin());
+  };
+  move_down(observations_, observation_size_);
+  move_down(actions_, action_size_);
+  move_down(rewards_, 1);
+  move_down(discounts_, 1);
+  move_down(is_first_, 1);
+  rows_ -= cut;
+}
+
+std::uint64_t Replay::longest_episode() const {
+  std::uint64_t longest = 0;
+  for (const Episode& episode : episodes_) {
+    if (episode.finished) longest = std::max(longest, episode.rows);
+  }
+  return longest;
+}
+
+SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std::uint64_t seed) {
+  eligible_.clear();
+  for (std::uint64_t i = 0; i < episodes_.size(); ++i) {
+    if (episodes_[i].finished && episodes_[i].rows >= length) eligible_.push_back(i);
+  }
+  if (eligible_.empty()) {
+    throw RunnerError(ExitCode::kUsage,
+                      "run.sequence_length " + std::to_string(length) +
+                          " is longer than every finished episode (longest: " +
+                          std::to_string(longest_episode()) + " observations)");
+  }
+  const std::uint64_t rows = sequences * length;
+  batch_observations_.resize(rows * observation_size_);
+  batch_actions_.resize(rows * action_size_);
+  batch_rewards_.resize(rows);
+  batch_discounts_.resize(rows);
+  batch_is_first_.resize(rows);
+
+  Random random(seed);
+  for (std::uint64_t b = 0; b < sequences; ++b) {
+    const Episode& episode = episodes_[eligible_[random.Below(eligible_.size())]];
+    const std::uint64_t start = episode.first + random.Below(episode.rows - length + 1);
+    const auto copy = [&](const auto& from, auto& to, std::uint64_t width) {
+      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(start * width), length * width,
+                  to.begin() + static_cast<std::ptrdiff_t>(b * length * width));
+    };
+    copy(observations_, batch_observations_, observation_size_);
+    copy(actions_, batch_actions_, action_size_);
+    copy(rewards_, batch_rewards_, 1);
+    copy(discounts_, batch_discounts_, 1);
+    copy(is_first_, batch_is_first_, 1);
+  }
+  SequenceBatch batch;
+  batch.sequences = sequences;
+  batch.length = length;
+  batch.observations = {batch_observations_.data(), rows, observation_size_};
+  batch.actions = {batch_actions_.data(), rows, action_size_};
+  batch.rewards = {batch_rewards_.data(), rows};
+  batch.discounts = {batch_discounts_.data(), rows};
+  batch.is_first = {batch_is_first_.data(), rows};
+  return batch;
+}
+
+std::string Replay::Save() const {
+  ByteWriter writer;
+  writer.Value(observation_size_);
+  writer.Value(action_size_);
+  writer.Value(rows_);
+  writer.Array(episodes_.data(), episodes_.size());
+  writer.Array(observations_.data(), rows_ * observation_size_);
+  writer.Array(actions_.data(), rows_ * action_size_);
+  writer.Array(rewards_.data(), rows_);
+  writer.Array(discounts_.data(), rows_);
+  writer.Array(is_first_.data(), rows_);
+  return std::move(writer).bytes();
+}
+
+void Replay::Load(const std::string& bytes) {
+  ByteReader reader(bytes, "replay");
+  const auto observation_size = reader.Value<std::uint64_t>();
+  const auto action_size = reader.Value<std::uint64_t>();
+  const auto rows = reader.Value<std::uint64_t>();
+  if (observation_size != observation_size_ || action_size != action_size_ || rows > capacity_) {
+    throw RunnerError(ExitCode::kBadInput,
+                      "the checkpoint's replay does not fit: observations of " +
+                          std::to_string(observation_size) + ", actions of " +
+                          std::to_string(action_size) + ", " + std::to_string(rows) +
+                          " rows; expected " + std::to_string(observation_size_) + ", " +
+                          std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
+  }
+  std::vector<Episode> episodes = reader.Vector<Episode>();
+  reader.ArrayInto(observations_.data(), rows * observation_size_);
+  reader.ArrayInto(actions_.data(), rows * action_size_);
+  reader.ArrayInto(rewards_.data(), rows);
+  reader.ArrayInto(discounts_.data(), rows);
+  reader.ArrayInto(is_first_.data(), rows);
+  rows_ = rows;
+  episodes_ = std::move(episodes);
+  finished_rows_ = 0;
+  for (const Episode& episode : episodes_) {
+    if (episode.finished) finished_rows_ += episode.rows;
+  }
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,53 @@
+// resumption.h - from where an unfinished run goes on.
+//
+// A checkpoint continues a run if it names the run's UUID and if the database has the
+// decisions and episodes that it was made with: all of them, and with the values it saw
+// (results::RowSums). Of those that do, the newest is taken. Files and database may have
+// parted: one of them copied, put back, merged, moved or lost.
+//
+// Order    a process commits its rows, then renames the checkpoint that counts them into
+//          place, then commits the artifact row that names it. So whatever ends the
+//          process, its newest whole checkpoint continues the run; and a run whose
+//          database names a checkpoint has had one.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "host/saving/checkpoint.h"
+#include "results/database/database.h"
+#include "results/database/run_writer.h"
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+// What a checkpoint says of itself, for the section "header".
+std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid);
+
+// Adds to a checkpoint what the database had when it was made; after the commit of those
+// rows.
+void AddRowSums(const results::RunWriter& writer, CheckpointSections* sections);
+
+// Whether it does; checkpoints made before there were row sums have none.
+bool HasRowSums(const CheckpointSections& sections);
+
+// Why the checkpoint does not continue the run; empty if it does.
+std::string WhyUnfit(results::Database* database, const results::RunInfo& run, const RunSpec& spec,
+                     const CheckpointSections& sections);
+
+// What of a checkpoint is needed. kOutline: header and counts, without the large sections.
+enum class CheckpointPart { kOutline, kWhole };
+
+struct Resumption {
+  std::optional<CheckpointFolder::Loaded> checkpoint;  // nothing: from the start
+  results::ResumePoint point;
+};
+// From where an unfinished run goes on; among what was skipped is also a newer checkpoint
+// that is not there any more. From the start only if it never had one: throws RunnerError 65 if no
+// checkpoint that is there continues the run, 66 if it had one and none is there. Changes nothing.
+Resumption FindResumption(results::Database* database, const results::RunInfo& run,
+                          const RunSpec& spec, const std::filesystem::path& folder,
+                          CheckpointPart part);
+
+}  // namespace dreamsearch

@@ -1,0 +1,65 @@
+// comparison.h - final scores of planners over tasks and seeds, and their
+// statistics.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "results/figures/figure.h"
+#include "results/analysis/run_groups.h"
+#include "results/analysis/statistics.h"
+#include "results/figures/table.h"
+
+namespace dreamsearch::results {
+
+struct ComparisonRequest {
+  RunFilter filter;
+  CurvePhase phase = CurvePhase::kEvaluation;
+  // Score at so many environment steps; 0: at the end of each run's budget. A
+  // score is the mean return of the evaluations in the last tenth before that.
+  std::int64_t at = 0;
+  int repetitions = kBootstrapRepetitions;
+  int profile_repetitions = kProfileRepetitions;
+  std::uint64_t seed = 0;  // of the bootstrap
+};
+
+// One planner (with what tells it from others) on the compared tasks.
+struct Contender {
+  std::string label;
+  Scores scores;  // [task][run], normalised
+  Aggregates aggregates;
+  std::vector<Estimate> profile;  // at Comparison::taus
+};
+
+struct Comparison {
+  std::vector<std::string> tasks;  // those that every contender has a score on
+  std::vector<Contender> contenders;
+  std::vector<std::vector<Estimate>> improvement;  // [x][y]: P(x > y); unset for x = y
+  std::vector<double> taus;
+  // What was left out and why, and how far the intervals can be trusted.
+  std::vector<std::string> notes;
+};
+
+// Error 66 when there is nothing to compare, saying what is missing.
+Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
+                   const ComparisonRequest& request);
+
+// Score by task and planner: mean, least and greatest run, n.
+Table ScoreTable(const Comparison& comparison);
+// Mean, median, interquartile mean and optimality gap with intervals.
+Table AggregateTable(const Comparison& comparison);
+Table ImprovementTable(const Comparison& comparison);
+// Everything, the single scores included, as JSON.
+std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest& request);
+
+Figure IntervalFigure(const Comparison& comparison);
+Figure ProfileFigure(const Comparison& comparison);
+Figure ImprovementFigure(const Comparison& comparison);
+// The interquartile mean over tasks and runs against environment steps, where
+// every run of every task has an evaluation.
+Figure EfficiencyFigure(const std::vector<std::unique_ptr<Database>>& databases,
+                        const ComparisonRequest& request);
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,70 @@
+// curves.h - learning curves read from one or more databases.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "results/database/database.h"
+#include "results/analysis/run_groups.h"
+
+namespace dreamsearch::results {
+
+enum class CurveAxis { kSteps, kSeconds, kTransitions };
+CurveAxis ParseCurveAxis(const std::string& name);  // Error 2 for an unknown name
+
+struct CurveRequest {
+  RunFilter filter;
+  CurvePhase phase = CurvePhase::kEvaluation;
+  CurveAxis axis = CurveAxis::kSteps;
+  bool log_x = false;
+  int smooth = 1;  // points of a centred moving mean; 1: none
+  // Sources of `published` to draw beside: methods, as "method" or "method/obs".
+  std::vector<std::string> published;
+};
+
+// One run. The points are evaluations at their own steps, or, in budgets of
+// 200,000 steps and more, bins of 10,000 at their upper end.
+struct RunCurve {
+  std::int64_t seed = 0;
+  std::string uuid;
+  std::string unfinished;  // Unfinished(run)
+  std::int64_t env_steps_done = 0;
+  std::int64_t env_steps_target = 0;
+  std::vector<double> x;  // of the axis asked for
+  std::vector<std::int64_t> env_step;
+  std::vector<double> value;  // mean return of the point's episodes
+};
+
+// The runs of one line: one task and everything else in common but the seed.
+struct Line {
+  std::string task;
+  std::string label;    // RunGroup::label
+  std::string planner;  // empty for a published line
+  bool published = false;
+  bool with_search = false;  // phase 1 rather than 2 or 0
+  bool binned = false;       // points are bins rather than evaluations
+  std::optional<double> return_low, return_high;
+  std::vector<RunCurve> runs;  // by seed; runs without a point included
+
+  // Runs that have at least one point.
+  int n() const;
+};
+
+// A point of a line: at one x the mean over the runs that have it.
+struct LinePoint {
+  double x = 0;
+  std::int64_t env_step = 0;
+  double mean = 0, lo = 0, hi = 0;  // over runs
+  int n = 0;
+  std::vector<double> values;  // by run, in the order of Line::runs
+};
+std::vector<LinePoint> Points(const Line& line);
+
+// The lines of GroupRuns, then the published ones of the same tasks.
+std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databases,
+                            const CurveRequest& request);
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,246 @@
+#include "results/analysis/run_groups.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <tuple>
+
+#include "results/system/json_text.h"
+#include "results/figures/table.h"
+
+namespace dreamsearch::results {
+namespace {
+
+constexpr std::array kPaperOrder = {"dreamer", "rollout", "mcts_pw", "mcts_fixed"};
+
+std::size_t PaperRank(const std::string& planner) {
+  return static_cast<std::size_t>(std::find(kPaperOrder.begin(), kPaperOrder.end(), planner) -
+                                  kPaperOrder.begin());
+}
+
+bool IsEvaluation(const RunInfo& run) {
+  return run.parent_run_id.has_value() || run.env_steps_target <= 0;
+}
+
+using Settings = std::map<std::string, nlohmann::json>;  // flat, by the configuration's digest
+
+// The settings in which some of these configurations differ.
+void AddDifferences(const Settings& settings, const std::set<std::string>& configs,
+                    std::set<std::string>* keys) {
+  std::map<std::string, std::pair<std::size_t, std::set<std::string>>> seen;  // how often, values
+  for (const std::string& config : configs) {
+    for (const auto& [key, value] : settings.at(config).items()) {
+      ++seen[key].first;
+      seen[key].second.insert(JsonText(value));
+    }
+  }
+  for (const auto& [key, found] : seen) {
+    if (found.first < configs.size() || found.second.size() > 1) keys->insert(key);
+  }
+}
+
+std::string SettingLabel(const nlohmann::json& settings, const std::set<std::string>& keys) {
+  std::string label;
+  for (const std::string& key : keys) {
+    if (!settings.contains(key)) continue;
+    std::string name = key.substr(1);
+    std::replace(name.begin(), name.end(), '/', '.');
+    label += (label.empty() ? "" : " ") + name + "=" + JsonText(settings[key]);
+  }
+  return label;
+}
+
+}  // namespace
+
+CurvePhase ParseCurvePhase(const std::string& name) {
+  if (name == "evaluation") return CurvePhase::kEvaluation;
+  if (name == "training" || name == "0") return CurvePhase::kTraining;
+  if (name == "search" || name == "1") return CurvePhase::kSearchEvaluation;
+  if (name == "actor" || name == "2") return CurvePhase::kActorEvaluation;
+  throw Error(kExitUsage, "no phase '" + name +
+                              "'. Known: evaluation (search where there is one, else actor), "
+                              "training (0), search (1), actor (2)");
+}
+
+bool PlannerBefore(const std::string& a, const std::string& b) {
+  return std::pair(PaperRank(a), a) < std::pair(PaperRank(b), b);
+}
+
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) {
+  // Configurations are told apart by content, so that databases agree on them.
+  using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluation
+  std::map<Kind, std::map<std::string, std::set<std::string>>> kinds;  // configurations by task
+  Settings settings;
+  for (const RunInfo* run : runs) {
+    kinds[{run->planner, IsEvaluation(*run)}][run->task].insert(run->config_sha256);
+    nlohmann::json& flat = settings[run->config_sha256];
+    if (!flat.is_null()) continue;
+    const nlohmann::json parsed = ParseJsonOrDiscard(run->config_json);
+    flat = parsed.is_structured() ? parsed.flatten() : nlohmann::json::object();
+  }
+
+  // One choice of keys for all tasks, so that one more setting tried on one of them
+  // renames the planner's runs on all.
+  std::map<Kind, std::map<std::string, std::string>> labels;  // by configuration
+  for (const auto& [kind, tasks] : kinds) {
+    std::set<std::string> keys;
+    for (const auto& [task, configs] : tasks) AddDifferences(settings, configs, &keys);
+    std::set<std::string> alike;
+    for (const auto& [task, configs] : tasks) {
+      std::map<std::string, std::string> owners;
+      for (const std::string& config : configs) {
+        const std::string label = SettingLabel(settings[config], keys);
+        labels[kind][config] = label;
+        const auto [owner, first] = owners.emplace(label, config);
+        if (!first) alike.insert({owner->second, config});
+      }
+    }
+    // Settings that cannot be read.
+    for (const std::string& config : alike) {
+      std::string& label = labels[kind][config];
+      label += (label.empty() ? "config " : " config ") + config.substr(0, 8);
+    }
+  }
+  std::vector<std::string> texts;
+  for (const RunInfo* run : runs) {
+    texts.push_back(labels[{run->planner, IsEvaluation(*run)}][run->config_sha256]);
+  }
+  return texts;
+}
+
+std::string ShortLabel(const std::string& label) {
+  std::vector<std::string> whole, brief;
+  std::map<std::string, int> names;
+  std::istringstream parts(label);
+  std::string part, text;
+  while (parts >> part) {
+    const std::size_t equals = part.find('=');
+    const bool setting = equals != std::string::npos && part[0] != '(';
+    const std::size_t dot = setting ? part.rfind('.', equals) : std::string::npos;
+    whole.push_back(part);
+    brief.push_back(dot == std::string::npos ? part : part.substr(dot + 1));
+    ++names[brief.back().substr(0, brief.back().find('='))];
+  }
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const bool alone = names[brief[i].substr(0, brief[i].find('='))] == 1;
+    text += (text.empty() ? "" : " ") + (alone ? brief[i] : whole[i]);
+  }
+  return text;
+}
+
+int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase) {
+  switch (phase) {
+    case CurvePhase::kTraining:
+      return 0;
+    case CurvePhase::kSearchEvaluation:
+      return 1;
+    case CurvePhase::kActorEvaluation:
+      return 2;
+    case CurvePhase::kEvaluation:
+      break;
+  }
+  Statement found = db.Prepare("SELECT 1 FROM episode WHERE run_id = ?1 AND phase = 1 LIMIT 1");
+  return found.Bind(run_id).Step() ? 1 : 2;
+}
+
+std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
+                           const RunFilter& filter) {
+  std::int64_t evaluations = 0;
+  for (const auto& database : databases) {
+    evaluations += static_cast<std::int64_t>(database->ListRuns(filter).size());
+  }
+  const std::string path = databases.front()->path();
+  if (evaluations == 0) return path + ": holds no runs of that kind. See `results list`.";
+  return path + ": holds no trained runs of that kind, of which there are curves and scores, but " +
+         Grouped(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
+         ". `results list` and `results show RUN` show their returns, `results export --rows "
+         "episodes` gives them.";
+}
+
+std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
+  std::vector<std::pair<std::string, std::string>> labels;  // planner, label
+  for (const RunGroup& group : groups) {
+    const std::pair item(group.planner, group.label);
+    if (std::find(labels.begin(), labels.end(), item) == labels.end()) labels.push_back(item);
+  }
+  std::stable_sort(labels.begin(), labels.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? PlannerBefore(a.first, b.first) : a.second < b.second;
+  });
+  std::vector<std::string> ordered;
+  for (const auto& [planner, label] : labels) ordered.push_back(label);
+  return ordered;
+}
+
+std::string Unfinished(const RunInfo& run) {
+  if (run.status == RunStatus::kFinished) return "";
+  return "seed " + std::to_string(run.seed) + " " + RunStatusName(run.status) + " at " +
+         Grouped(run.env_steps_done) + " of " + Grouped(run.env_steps_target) + " steps";
+}
+
+std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
+                                const RunFilter& filter, CurvePhase phase) {
+  std::vector<GroupedRun> all;
+  std::set<std::string> uuids, studies, models;
+  std::map<std::pair<std::string, std::string>, std::set<std::int64_t>> repeats;  // of a task
+  RunFilter mains = filter;
+  mains.with_evaluations = false;
+  for (const auto& database : databases) {
+    for (RunInfo& run : database->ListRuns(mains)) {
+      if (!uuids.insert(run.uuid).second) continue;
+      studies.insert(run.study);
+      models.insert(run.model);
+      repeats[{run.planner, run.task}].insert(run.action_repeat);
+      all.push_back({std::move(run), database.get()});
+    }
+  }
+  std::set<std::string> repeats_differ;  // planners
+  for (const auto& [planner_task, seen] : repeats) {
+    if (seen.size() > 1) repeats_differ.insert(planner_task.first);
+  }
+  std::vector<const RunInfo*> runs;
+  for (const GroupedRun& item : all) runs.push_back(&item.run);
+  const std::vector<std::string> settings = SettingLabels(runs);
+
+  std::map<std::tuple<std::string, std::size_t, std::string, std::string>, RunGroup> groups;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    GroupedRun& item = all[i];
+    const RunInfo& run = item.run;
+    Connection& db = item.database->connection();
+    item.phase = PhaseOf(db, run.run_id, phase);
+
+    std::string label = run.planner;
+    if (models.size() > 1) label += " on " + run.model;
+    if (repeats_differ.count(run.planner) > 0) {
+      label += " repeat=" + std::to_string(run.action_repeat);
+    }
+    if (!settings[i].empty()) label += " " + settings[i];
+    if (studies.size() > 1) label += " (" + run.study + ")";
+
+    RunGroup& group = groups[{run.task, PaperRank(run.planner), run.planner, label}];
+    if (group.runs.empty()) {
+      group.task = run.task;
+      group.planner = run.planner;
+      group.label = label;
+      Statement range = db.Prepare("SELECT return_low, return_high FROM task WHERE name = ?1");
+      if (range.Bind(run.task).Step()) {
+        group.return_low = range.OptionalReal(0);
+        group.return_high = range.OptionalReal(1);
+      }
+    }
+    group.runs.push_back(std::move(item));
+  }
+
+  std::vector<RunGroup> ordered;
+  for (auto& [key, group] : groups) {
+    std::stable_sort(
+        group.runs.begin(), group.runs.end(),
+        [](const GroupedRun& a, const GroupedRun& b) { return a.run.seed < b.run.seed; });
+    ordered.push_back(std::move(group));
+  }
+  return ordered;
+}
+
+}  // namespace dreamsearch::results

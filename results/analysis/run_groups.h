@@ -1,0 +1,66 @@
+// run_groups.h - which runs are the same experiment with other seeds.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "results/database/database.h"
+
+namespace dreamsearch::results {
+
+// Which episodes a curve or score is of. kEvaluation is the evaluation with the
+// planner where a run has one, else that with the actor alone.
+enum class CurvePhase { kEvaluation, kTraining, kSearchEvaluation, kActorEvaluation };
+CurvePhase ParseCurvePhase(const std::string& name);  // Error 2 for an unknown name
+
+struct GroupedRun {
+  RunInfo run;
+  Database* database = nullptr;
+  int phase = 0;  // as in `episode`: what the request comes to for this run
+};
+
+// Runs of one task that have everything in common but the seed.
+struct RunGroup {
+  std::string task;
+  std::string planner;
+  // "mcts_pw", with the model and study where others have other ones, and with the
+  // action repeat and the settings in which runs of the planner differ on some task.
+  // Equal over tasks for equal experiments.
+  std::string label;
+  std::optional<double> return_low, return_high;
+  std::vector<GroupedRun> runs;  // by seed
+};
+
+// Groups by task, then in the order of the paper's planners. Evaluations of
+// trained runs are left out; a run that is in several databases counts once, by
+// its UUID.
+std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
+                                const RunFilter& filter, CurvePhase phase);
+
+// The labels of the groups, each once, in the order of the planners.
+std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups);
+
+// What tells runs of a planner apart, for each of these runs: "k=5 depth=3", the
+// settings in which the planner's runs differ on some task and which this run has.
+// Empty where none do. Evaluations are told from each other, not from trained runs.
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs);
+
+// A label with the settings' own names alone, for where there is little room:
+// "model.parameters.norm=none" as "norm=none", unless two would end alike.
+std::string ShortLabel(const std::string& label);
+
+// Which `episode.phase` a request comes to for this run.
+int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase);
+
+// Why there is no group: an empty choice, or evaluations alone, and where those show.
+std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
+                           const RunFilter& filter);
+
+// The order in which planners are listed and coloured: the paper's four first.
+bool PlannerBefore(const std::string& a, const std::string& b);
+
+// "seed 2 failed at 12,000 of 60,000 steps" if the run did not finish, else "".
+std::string Unfinished(const RunInfo& run);
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,31 @@
+// merge.h - the runs of several databases in one.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "results/database/database.h"
+
+namespace dreamsearch::results {
+
+struct MergeResult {
+  std::int64_t added = 0;     // runs that were not there
+  std::int64_t replaced = 0;  // runs that were there, less far or losing to this one
+  std::int64_t kept = 0;      // runs that were there, as far or further
+  std::int64_t rows = 0;      // decisions, episodes, scalars and time uses copied
+  std::vector<std::string> notes;
+};
+
+// Adds the runs of `source` to `target`, each in one transaction, and published
+// curves. Of a run that both have, the one that got further stays: finished before
+// unfinished, then by environment steps, then by heartbeat. Two runs of one key
+// but different UUIDs are the same experiment done twice: one of them stays, by
+// the same order and then the smaller UUID, so the outcome does not depend on the
+// order of merging. A run that goes on meanwhile is copied as it is at one moment. Of
+// two published points of one key the lesser stays, with all that is said of it. Files stay where
+// they are; their paths become absolute.
+//   Error 65  a task has other figures in the two databases.
+MergeResult Merge(Database* target, const std::string& source);
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,52 @@
+#include "results/database/query.h"
+
+#include <sqlite3.h>
+
+#include <cstring>
+
+namespace dreamsearch::results {
+namespace {
+
+// Reading tables and calling functions, nothing that attaches or sets.
+int AllowReading(void*, int action, const char* name, const char*, const char*, const char*) {
+  switch (action) {
+    case SQLITE_SELECT:
+    case SQLITE_READ:
+    case SQLITE_FUNCTION:
+    case SQLITE_RECURSIVE:
+      return SQLITE_OK;
+    case SQLITE_UPDATE:
+      // How json_each and other table functions make themselves known to the connection;
+      // SQLite refuses the statement that says so.
+      return std::strcmp(name, "sqlite_master") == 0 ? SQLITE_OK : SQLITE_DENY;
+    default:
+      return SQLITE_DENY;
+  }
+}
+
+}  // namespace
+
+Table RunQuery(Database* database, const std::string& sql) {
+  sqlite3* handle = database->connection().handle();
+  sqlite3_set_authorizer(handle, AllowReading, nullptr);
+  sqlite3_stmt* prepared = nullptr;
+  const char* rest = nullptr;
+  const int code =
+      sqlite3_prepare_v2(handle, sql.data(), static_cast<int>(sql.size()), &prepared, &rest);
+  const std::string reason = sqlite3_errmsg(handle);
+  sqlite3_set_authorizer(handle, nullptr, nullptr);
+  const std::string path = database->path();
+  Statement statement(prepared, &path);
+  if ((code & 0xff) == SQLITE_AUTH) {
+    throw Error(kExitUsage, "the query may read tables and views and nothing else");
+  }
+  if (code != SQLITE_OK) throw Error(kExitUsage, path + ": the query is not understood: " + reason);
+  if (prepared == nullptr) throw Error(kExitUsage, "expected a query, found none");
+  const std::string left(rest, sql.data() + sql.size());
+  if (left.find_first_not_of(" \t\r\n;") != std::string::npos) {
+    throw Error(kExitUsage, "expected one query, found more after it: " + Printable(left));
+  }
+  return ReadTable(&statement);
+}
+
+}  // namespace dreamsearch::results

@@ -1,0 +1,257 @@
+#include "results/database/sqlite.h"
+
+#include <sqlite3.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "results/system/error.h"
+
+namespace dreamsearch::results {
+namespace {
+
+constexpr int kBusyTimeoutMs = 30000;
+
+// Bytes an ordinary user can still write beside `path`, for messages.
+std::string FreeSpace(const std::string& path) {
+  struct statvfs info;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  if (statvfs(folder.c_str(), &info) != 0) return "free space unknown";
+  return std::to_string(static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize) +
+         " bytes free there";
+}
+
+std::string FileUri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : path) {
+    char escaped[4];
+    std::snprintf(escaped, sizeof escaped, "%%%02x", static_cast<unsigned char>(c));
+    uri += c == '/' ? "/" : escaped;
+  }
+  return uri;
+}
+
+// SQLite's own files are needed beside a database unless nobody can change it.
+bool IsUnchangeable(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return access(folder.c_str(), W_OK) != 0 && access((path + "-wal").c_str(), F_OK) != 0;
+}
+
+[[noreturn]] void ThrowCode(int code, const std::string& reason, const std::string& path,
+                            const std::string& what) {
+  const std::string where = path + ": " + what + ": ";
+  switch (code & 0xff) {
+    case SQLITE_NOTADB:
+      throw Error(kExitBadData, where + "this is not an SQLite file. Name a results database.");
+    case SQLITE_CORRUPT:
+      throw Error(kExitBadData, where + "the file is damaged (" + reason +
+                                    "). Restore a copy, or recover rows with sqlite3's .recover.");
+    case SQLITE_FULL:
+      throw Error(kExitInputOutput, where + "the disk is full (" + FreeSpace(path) +
+                                        "). Make room and run the same command again.");
+    case SQLITE_IOERR:
+      throw Error(kExitInputOutput, where + "input/output error (" + reason + "; " +
+                                        FreeSpace(path) +
+                                        "). Check the disk and run the same command again.");
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      throw Error(kExitInputOutput,
+                  where +
+                      "another process kept the database locked for 30 seconds. End it, or "
+                      "use another database and merge.");
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_AUTH:
+      throw Error(kExitPermission, where + "no permission (" + reason +
+                                       "). Write access to the file and its "
+                                       "folder is needed.");
+    case SQLITE_CANTOPEN:
+      throw Error(kExitCannotCreate, where + "cannot be opened (" + reason +
+                                         "). Check that the folder exists and can be written.");
+    case SQLITE_ERROR:
+      if (reason.rfind("no such table", 0) == 0 || reason.rfind("no such column", 0) == 0) {
+        throw Error(kExitBadData,
+                    where + reason + ": not a whole results database. Restore a copy.");
+      }
+      [[fallthrough]];
+    default:
+      throw Error(kExitInternal, where + reason);
+  }
+}
+
+}  // namespace
+
+std::string ReadOnlyUri(const std::string& path) {
+  return FileUri(path) + (IsUnchangeable(path) ? "?immutable=1" : "?mode=ro");
+}
+
+std::string AbsolutePath(const std::string& path) {
+  std::error_code ignored;
+  const std::filesystem::path absolute = std::filesystem::absolute(path, ignored);
+  return absolute.empty() ? path : absolute.lexically_normal().string();
+}
+
+void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what) {
+  ThrowCode(sqlite3_extended_errcode(handle), sqlite3_errmsg(handle), path, what);
+}
+
+Statement::~Statement() { sqlite3_finalize(statement_); }
+
+void Statement::Reset() { sqlite3_reset(statement_); }
+
+bool Statement::Step() {
+  const int code = sqlite3_step(statement_);
+  if (code == SQLITE_ROW) return true;
+  if (code == SQLITE_DONE) {
+    sqlite3_reset(statement_);
+    return false;
+  }
+  sqlite3* handle = sqlite3_db_handle(statement_);
+  const int extended = sqlite3_extended_errcode(handle);
+  const std::string reason = sqlite3_errmsg(handle);
+  sqlite3_reset(statement_);
+  ThrowCode(extended, reason, *path_, sqlite3_stmt_readonly(statement_) ? "reading" : "writing");
+}
+
+void Statement::Run() {
+  while (Step()) {
+  }
+}
+
+void Statement::BindOne(int index, std::int64_t value) {
+  sqlite3_bind_int64(statement_, index, value);
+}
+void Statement::BindOne(int index, double value) {
+  if (std::isfinite(value)) {
+    sqlite3_bind_double(statement_, index, value);
+  } else {
+    sqlite3_bind_null(statement_, index);
+  }
+}
+void Statement::BindOne(int index, std::string_view value) {
+  sqlite3_bind_text64(statement_, index, value.data() != nullptr ? value.data() : "", value.size(),
+                      SQLITE_TRANSIENT, SQLITE_UTF8);
+}
+void Statement::BindOne(int index, std::nullopt_t) { sqlite3_bind_null(statement_, index); }
+
+int Statement::columns() const { return sqlite3_column_count(statement_); }
+std::string Statement::ColumnName(int column) const {
+  const char* name = sqlite3_column_name(statement_, column);
+  return name != nullptr ? name : "";
+}
+bool Statement::IsNull(int column) const {
+  return sqlite3_column_type(statement_, column) == SQLITE_NULL;
+}
+bool Statement::IsInt(int column) const {
+  return sqlite3_column_type(statement_, column) == SQLITE_INTEGER;
+}
+bool Statement::IsReal(int column) const {
+  return sqlite3_column_type(statement_, column) == SQLITE_FLOAT;
+}
+std::int64_t Statement::Int(int column) const { return sqlite3_column_int64(statement_, column); }
+double Statement::Real(int column) const { return sqlite3_column_double(statement_, column); }
+std::string Statement::Text(int column) const {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+  if (text == nullptr) return "";
+  return {text, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+}
+std::optional<std::int64_t> Statement::OptionalInt(int column) const {
+  if (IsNull(column)) return std::nullopt;
+  return Int(column);
+}
+std::optional<double> Statement::OptionalReal(int column) const {
+  if (IsNull(column)) return std::nullopt;
+  return Real(column);
+}
+
+Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsolutePath(path)) {
+  // URI: for ReadOnlyUri in ATTACH. A path itself begins with a slash and is none.
+  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE | SQLITE_OPEN_URI;
+  switch (mode) {
+    case OpenMode::kReadOnly:
+    case OpenMode::kImmutable:
+      flags |= SQLITE_OPEN_READONLY;
+      break;
+    case OpenMode::kReadWrite:
+      flags |= SQLITE_OPEN_READWRITE;
+      break;
+    case OpenMode::kCreate:
+      flags |= SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+      break;
+  }
+  const std::string name = mode == OpenMode::kImmutable ? FileUri(path_) + "?immutable=1" : path_;
+  const int code = sqlite3_open_v2(name.c_str(), &handle_, flags, nullptr);
+  if (code != SQLITE_OK) {
+    const std::string reason = handle_ != nullptr ? sqlite3_errmsg(handle_) : "out of memory";
+    sqlite3_close_v2(handle_);
+    ThrowCode(code, reason, path_, "opening");
+  }
+  sqlite3_busy_timeout(handle_, kBusyTimeoutMs);
+}
+
+Connection::~Connection() { sqlite3_close_v2(handle_); }
+
+Statement Connection::Prepare(std::string_view sql) {
+  sqlite3_stmt* statement = nullptr;
+  if (sqlite3_prepare_v3(handle_, sql.data(), static_cast<int>(sql.size()),
+                         SQLITE_PREPARE_PERSISTENT, &statement, nullptr) != SQLITE_OK) {
+    ThrowSqlite(handle_, path_, "reading its schema");
+  }
+  return {statement, &path_};
+}
+
+void Connection::Execute(const std::string& sql) {
+  if (sqlite3_exec(handle_, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
+    ThrowSqlite(handle_, path_, "writing");
+  }
+}
+
+std::optional<std::int64_t> Connection::QueryInt(std::string_view sql) {
+  Statement statement = Prepare(sql);
+  if (!statement.Step()) return std::nullopt;
+  return statement.OptionalInt(0);
+}
+
+std::string Connection::QueryText(std::string_view sql) {
+  Statement statement = Prepare(sql);
+  return statement.Step() ? statement.Text(0) : "";
+}
+
+std::int64_t Connection::LastInsertId() const { return sqlite3_last_insert_rowid(handle_); }
+std::int64_t Connection::Changes() const { return sqlite3_changes64(handle_); }
+
+void Connection::Transact(const std::function<void()>& body) {
+  if (in_transaction_) {
+    body();
+    return;
+  }
+  int moved = 0;
+  sqlite3_file_control(handle_, "main", SQLITE_FCNTL_HAS_MOVED, &moved);
+  const bool wal_there = access((path_ + "-wal").c_str(), F_OK) == 0;
+  if (moved != 0 || (wal_seen_ && !wal_there)) {
+    throw Error(kExitInputOutput,
+                path_ + (moved != 0 ? "" : "-wal") +
+                    ": was deleted or replaced while it was in use. Nothing more is written to "
+                    "it; run the same command again.");
+  }
+  Execute("BEGIN IMMEDIATE");
+  in_transaction_ = true;
+  try {
+    body();
+    Execute("COMMIT");
+  } catch (...) {
+    in_transaction_ = false;
+    // SQLite may have rolled back by itself (disk full, input/output error).
+    if (sqlite3_get_autocommit(handle_) == 0) {
+      sqlite3_exec(handle_, "ROLLBACK", nullptr, nullptr, nullptr);
+    }
+    throw;
+  }
+  in_transaction_ = false;
+  wal_seen_ = wal_there;
+}
+
+}  // namespace dreamsearch::results
