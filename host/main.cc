@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "host/plugins/catalogue.h"
 #include "host/commands/commands.h"
-#include "host/system/error.h"
+#include "host/plugins/catalogue.h"
 #include "host/processes/probe.h"
-#include "host/system/provenance.h"
-#include "results/system/error.h"
 #include "host/processes/worker.h"
+#include "host/training/provenance.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {
@@ -24,19 +24,17 @@ using Command = std::function<int(const std::vector<std::string>&)>;
 // A command of the design that this version does not have yet.
 Command NotYet(const char* name) {
   return [name](const std::vector<std::string>&) -> int {
-    throw RunnerError(ExitCode::kInternal, std::string("`runner ") + name +
-                                               "` is not part of this version yet");
+    throw Failure(ExitCode::kInternal,
+                  std::string("`runner ") + name + "` is not part of this version yet");
   };
 }
 
 const std::map<std::string, Command>& Commands() {
   static const std::map<std::string, Command> commands = {
-      {"check", NotYet("check")},     {"describe", DescribeCommand},
-      {"eval", EvalCommand},       {"explain", ExplainCommand},
-      {"export", ExportCommand},   {"list", ListCommand},
-      {"new", NotYet("new")},         {"render", NotYet("render")},
-      {"resume", ResumeCommand},      {"status", StatusCommand},
-      {"verify", VerifyCommand},
+      {"check", NotYet("check")},  {"describe", DescribeCommand}, {"eval", EvalCommand},
+      {"explain", ExplainCommand}, {"export", ExportCommand},     {"list", ListCommand},
+      {"new", NotYet("new")},      {"render", NotYet("render")},  {"resume", ResumeCommand},
+      {"status", StatusCommand},   {"verify", VerifyCommand},
   };
   return commands;
 }
@@ -55,8 +53,7 @@ int Dispatch(std::vector<std::string> arguments) {
   if (found == Commands().end()) {
     std::vector<std::string> known;
     for (const auto& [command, function] : Commands()) known.push_back(command);
-    throw RunnerError(ExitCode::kUsage,
-                      "no subcommand '" + name + "'. " + KnownNames(name, known));
+    throw Failure(ExitCode::kUsage, "no subcommand '" + name + "'. " + KnownNames(name, known));
   }
   return found->second(arguments);
 }
@@ -71,12 +68,9 @@ int main(int argc, char** argv) {
   try {
     dreamsearch::CheckInstructionSet();
     status = dreamsearch::Dispatch({argv + 1, argv + argc});
-  } catch (const dreamsearch::RunnerError& error) {
+  } catch (const dreamsearch::Failure& error) {
     std::cerr << "error: " << error.what() << std::endl;
     return error.exit_status();
-  } catch (const dreamsearch::results::Error& error) {
-    std::cerr << "error: " << error.what() << std::endl;
-    return error.exit_code();
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << " (a defect of runner)" << std::endl;
     return static_cast<int>(dreamsearch::ExitCode::kInternal);

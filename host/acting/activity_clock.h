@@ -19,8 +19,8 @@ enum class Activity : std::size_t {
   kOther = 5,      // loading, and what belongs to none
 };
 inline constexpr std::size_t kActivities = 6;
-inline constexpr const char* kActivityNames[kActivities] = {
-    "environment", "planning", "learning", "evaluation", "recording", "other"};
+inline constexpr const char* kActivityNames[kActivities] = {"environment", "planning",  "learning",
+                                                            "evaluation",  "recording", "other"};
 
 class ActivityClock {
  public:

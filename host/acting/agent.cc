@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "host/acting/components.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -41,17 +42,17 @@ void Agent::BeginEpisode(Phase phase, std::uint64_t episode) {
   }
 }
 
-Decision Agent::Decide(View<const double> observation, bool explore,
-                       std::uint64_t environment_step, TreeSink* tree) {
+Decision Agent::Decide(View<const double> observation, bool explore, std::uint64_t environment_step,
+                       TreeSink* tree) {
   const double begin = Now();
   ObserveRequest observe;
   observe.previous = {Latent(current_), 1, latent_bytes_};
   observe.actions = {action_.data(), 1, action_.size()};
   observe.observations = {observation.data, 1, observation.size};
   if (parts_.model_needs_environment) {
-    ThrowUnlessOk(parts_.environment->SaveState(
-                      {environment_state_.data(), environment_state_.size()}),
-                  "environment SaveState");
+    ThrowUnlessOk(
+        parts_.environment->SaveState({environment_state_.data(), environment_state_.size()}),
+        "environment SaveState");
     observe.environment_states = {environment_state_.data(), 1, environment_state_.size()};
   }
   const std::uint64_t observe_seed =
@@ -90,18 +91,18 @@ Decision Agent::Decide(View<const double> observation, bool explore,
   }
   for (std::size_t i = 0; i < action_.size(); ++i) {
     if (!std::isfinite(action_[i])) {
-      throw RunnerError(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
-                                                 std::to_string(i) + " of decision " +
-                                                 std::to_string(decision_));
+      throw Failure(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
+                                             std::to_string(i) + " of decision " +
+                                             std::to_string(decision_));
     }
     if (std::abs(action_[i]) > 1) {
-      throw RunnerError(ExitCode::kInternal,
-                        who + " chose an action outside [-1, 1]: entry " + std::to_string(i) +
-                            " is " + std::to_string(action_[i]));
+      throw Failure(ExitCode::kInternal, who + " chose an action outside [-1, 1]: entry " +
+                                             std::to_string(i) + " is " +
+                                             std::to_string(action_[i]));
     }
   }
   if (!std::isfinite(decision.value)) {
-    throw RunnerError(ExitCode::kDiverged, who + " reported a value that is not finite");
+    throw Failure(ExitCode::kDiverged, who + " reported a value that is not finite");
   }
   ++decision_;
   decision.plan_us = (Now() - begin) * 1e6;

@@ -4,7 +4,7 @@
 // through one episode. It owns neither the model nor the planner.
 //
 // Units    actions in [-1, 1]; rewards and values per decision.
-// Errors   RunnerError; 72 when something is not finite, 70 otherwise.
+// Errors   Failure; 72 when something is not finite, 70 otherwise.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +12,12 @@
 #include <string>
 #include <vector>
 
-#include "host/acting/activity_clock.h"
-#include "host/saving/byte_buffer.h"
 #include "dreamsearch/environment.h"
 #include "dreamsearch/model.h"
 #include "dreamsearch/planner.h"
+#include "host/acting/activity_clock.h"
 #include "host/plugins/model_proxy.h"
+#include "host/saving/byte_buffer.h"
 #include "host/settings/seeds.h"
 
 namespace dreamsearch {
@@ -39,7 +39,7 @@ class Agent {
     // nullptr: the actor alone, its mode action.
     Planner* planner = nullptr;
     std::string planner_name;
-    std::size_t metrics = 0;           // how many the planner reports
+    std::size_t metrics = 0;             // how many the planner reports
     Environment* environment = nullptr;  // whose state a needs_environment model is given
     bool model_needs_environment = false;
     std::uint64_t run_seed = 0;

@@ -3,8 +3,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "host/saving/byte_buffer.h"
 #include "host/plugins/plugin_loader.h"
+#include "host/saving/byte_buffer.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -13,18 +14,18 @@ const ComponentDescriptor& Load(const ResolvedComponent& component, ComponentKin
   return FindComponent(LoadPlugin(component.info->plugin.path), kind, component.name());
 }
 
-// A factory's result, or RunnerError. The settings were in their ranges, so what
+// A factory's result, or Failure. The settings were in their ranges, so what
 // a factory refuses is a combination: the user's to change.
 template <typename T>
 T* Made(const Status& status, T* object, const char* kind, const std::string& name) {
   const std::string what = std::string(kind) + " '" + name + "'";
   if (!status.ok()) {
-    throw RunnerError(status.code == StatusCode::kInvalidArgument ? ExitCode::kUsage
-                                                                  : ExitCode::kInternal,
-                      what + " cannot be made: " + status.message);
+    throw Failure(
+        status.code == StatusCode::kInvalidArgument ? ExitCode::kUsage : ExitCode::kInternal,
+        what + " cannot be made: " + status.message);
   }
   if (object == nullptr) {
-    throw RunnerError(ExitCode::kInternal, what + ": its factory returned null");
+    throw Failure(ExitCode::kInternal, what + ": its factory returned null");
   }
   return object;
 }
@@ -45,7 +46,7 @@ class Claims {
     message << "plugin " << plugin.name << " (" << plugin.path << "): " << kind_ << " '"
             << component_.name() << "' says " << field << " = " << found << ", expected "
             << expected;
-    throw RunnerError(ExitCode::kPluginRefused, message.str());
+    throw Failure(ExitCode::kPluginRefused, message.str());
   }
 
  private:
@@ -96,14 +97,14 @@ void ThrowUnlessOk(const Status& status, const std::string& what) {
   if (status.ok()) return;
   const bool diverged =
       status.code == StatusCode::kNotFinite || status.code == StatusCode::kDiverged;
-  throw RunnerError(diverged ? ExitCode::kDiverged : ExitCode::kInternal,
-                    what + ": " + StatusCodeName(status.code) + ": " + status.message);
+  throw Failure(diverged ? ExitCode::kDiverged : ExitCode::kInternal,
+                what + ": " + StatusCodeName(status.code) + ": " + status.message);
 }
 
 void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model) {
   const auto found = sections.find("model");
   if (found == sections.end()) {
-    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'model'");
+    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'model'");
   }
   StringSource source(found->second);
   ThrowUnlessOk(model->Load(&source), "model '" + name + "' Load");

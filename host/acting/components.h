@@ -1,7 +1,7 @@
 // components.h - a run's environment, model and planners, loaded and made.
 //
 // Owns the objects that plugins handed out and destroys them in the right order.
-// Errors of a factory become RunnerError with the component's name: 2 when it
+// Errors of a factory become Failure with the component's name: 2 when it
 // refuses the settings, 69 when what it made says something impossible about itself,
 // 70 otherwise.
 #pragma once
@@ -10,8 +10,8 @@
 #include <memory>
 #include <string>
 
-#include "host/saving/checkpoint.h"
 #include "dreamsearch/plugin.h"
+#include "host/saving/checkpoint.h"
 #include "host/settings/seeds.h"
 #include "host/settings/settings.h"
 
@@ -27,7 +27,7 @@ using EnvironmentPtr = std::unique_ptr<Environment, Destroyer>;
 using ModelPtr = std::unique_ptr<Model, Destroyer>;
 using PlannerPtr = std::unique_ptr<Planner, Destroyer>;
 
-// Throws RunnerError unless `status` is ok: diverged (72) for kNotFinite and
+// Throws Failure unless `status` is ok: diverged (72) for kNotFinite and
 // kDiverged, otherwise internal (70). `what` says which component did what.
 void ThrowUnlessOk(const Status& status, const std::string& what);
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "host/acting/agent.h"
 #include "dreamsearch/planner.h"
+#include "host/acting/agent.h"
 
 namespace dreamsearch {
 

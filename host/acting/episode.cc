@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "host/system/error.h"
 #include "results/database/digest.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -41,8 +41,8 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
   held.discount = step.discount;
   held.last = step.last;
   if (!std::isfinite(held.reward) || !std::isfinite(held.discount) || !AllFinite(observation)) {
-    throw RunnerError(ExitCode::kDiverged,
-                      "environment '" + name + "': a reward or an observation is not finite");
+    throw Failure(ExitCode::kDiverged,
+                  "environment '" + name + "': a reward or an observation is not finite");
   }
   return held;
 }
@@ -50,11 +50,11 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
 void CheckLength(const Environment& environment, const std::string& name, std::uint64_t length) {
   const std::uint64_t limit = environment.spec().episode_steps;
   if (length < limit) return;
-  throw RunnerError(ExitCode::kPluginRefused,
-                    "environment '" + name + "' says episode_steps = " + std::to_string(limit) +
-                        ", expected `last` at that step at the latest, found an episode that goes "
-                        "on after " +
-                        std::to_string(length));
+  throw Failure(ExitCode::kPluginRefused,
+                "environment '" + name + "' says episode_steps = " + std::to_string(limit) +
+                    ", expected `last` at that step at the latest, found an episode that goes "
+                    "on after " +
+                    std::to_string(length));
 }
 
 EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {

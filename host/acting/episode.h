@@ -21,9 +21,9 @@
 #include <utility>
 #include <vector>
 
+#include "dreamsearch/environment.h"
 #include "host/acting/agent.h"
 #include "host/acting/components.h"
-#include "dreamsearch/environment.h"
 #include "host/acting/joint_model.h"
 #include "results/database/run_writer.h"
 
@@ -43,11 +43,11 @@ struct HeldAction {
 
 // Applies an action of [-1, 1]^A for up to `most_steps` environment steps, at least
 // one, fewer if the episode ends. observation: [O], what it led to. `name` is the
-// environment's, for messages. Throws RunnerError 72 for what is not finite.
+// environment's, for messages. Throws Failure 72 for what is not finite.
 HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
                       std::uint64_t most_steps, View<double> observation);
 
-// Throws RunnerError 69 if an episode that goes on after `length` environment steps has
+// Throws Failure 69 if an episode that goes on after `length` environment steps has
 // outlived what the environment says of itself.
 void CheckLength(const Environment& environment, const std::string& name, std::uint64_t length);
 
@@ -65,7 +65,7 @@ struct EpisodeCourse {
   std::function<void(std::uint64_t index, std::uint64_t t, const Decision&, const Agent&)> decided;
   // All of the row but phase, episode and env_step.
   std::function<void(std::uint64_t index, const results::EpisodeRow& row)> ended;
-  // A RunnerError ended it. No further episode is taken in its place.
+  // A Failure ended it. No further episode is taken in its place.
   std::function<void(std::uint64_t index, std::exception_ptr error)> failed;
 };
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 #ifdef __SANITIZE_ADDRESS__
 #include <sanitizer/common_interface_defs.h>
@@ -26,15 +26,15 @@ Fiber::Fiber() : page_(static_cast<std::size_t>(::sysconf(_SC_PAGESIZE))) {
   void* memory = ::mmap(nullptr, page_ + kStackBytes, PROT_NONE,
                         MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_STACK, -1, 0);
   if (memory == MAP_FAILED) {
-    throw RunnerError(ExitCode::kInternal,
-                      std::string("no room for the stack of a planner: ") + std::strerror(errno));
+    throw Failure(ExitCode::kInternal,
+                  std::string("no room for the stack of a planner: ") + std::strerror(errno));
   }
   memory_ = static_cast<std::byte*>(memory);
   if (::mprotect(memory_ + page_, kStackBytes, PROT_READ | PROT_WRITE) != 0) {
     const int error = errno;
     ::munmap(memory_, page_ + kStackBytes);
-    throw RunnerError(ExitCode::kInternal,
-                      std::string("no room for the stack of a planner: ") + std::strerror(error));
+    throw Failure(ExitCode::kInternal,
+                  std::string("no room for the stack of a planner: ") + std::strerror(error));
   }
 #ifdef __SANITIZE_THREAD__
   sanitizer_fiber_ = __tsan_create_fiber(0);

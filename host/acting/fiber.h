@@ -5,7 +5,7 @@
 //          segmentation fault, as on a thread's stack.
 // Threads  a fiber is resumed on the thread that started it. Thread-local state is that of
 //          the thread; what C++ keeps there of exceptions under way is a fiber's own.
-// Errors   RunnerError 70 if the system has no room for a stack.
+// Errors   Failure 70 if the system has no room for a stack.
 #pragma once
 
 #include <ucontext.h>

@@ -13,7 +13,7 @@
 //
 // Threads  one thread drives all seats of a JointModel.
 // Errors   where the model refuses a joint request, its parts are asked one by one, so
-//          that each seat has the status, too, that it has alone. RunnerError 70 if
+//          that each seat has the status, too, that it has alone. Failure 70 if
 //          there is no room for a stack.
 #pragma once
 

@@ -1,7 +1,7 @@
 // commands.h - the subcommands of `runner`, one file each.
 //
 // Each gets the arguments after its name, writes results to standard output and
-// messages to standard error, and returns the exit status; RunnerError leaves it.
+// messages to standard error, and returns the exit status; Failure leaves it.
 #pragma once
 
 #include <string>

@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
-#include "host/plugins/catalogue.h"
 #include "host/commands/commands.h"
 #include "host/commands/options.h"
+#include "host/commands/text_table.h"
+#include "host/plugins/catalogue.h"
 #include "host/settings/run_parameters.h"
 #include "host/settings/settings.h"
-#include "host/commands/text_table.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {
@@ -37,18 +39,24 @@ std::string Value(const ParameterInfo& parameter, double number, const std::stri
 
 std::string TypeName(ParameterType type) {
   switch (type) {
-    case ParameterType::kBool: return "bool";
-    case ParameterType::kInt: return "int";
-    case ParameterType::kReal: return "real";
-    case ParameterType::kChoice: return "choice";
+    case ParameterType::kBool:
+      return "bool";
+    case ParameterType::kInt:
+      return "int";
+    case ParameterType::kReal:
+      return "real";
+    case ParameterType::kChoice:
+      return "choice";
   }
   return "unknown";
 }
 
 std::string Range(const ParameterInfo& parameter) {
   switch (parameter.type) {
-    case ParameterType::kBool: return "true, false";
-    case ParameterType::kChoice: return JoinNames(parameter.choices);
+    case ParameterType::kBool:
+      return "true, false";
+    case ParameterType::kChoice:
+      return JoinNames(parameter.choices);
     default:
       return Value(parameter, parameter.min, "") + " .. " + Value(parameter, parameter.max, "");
   }
@@ -142,15 +150,14 @@ std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalog
       const bool short_name = kind == ComponentKind::kEnvironment && kind_name == "env";
       if (short_name || kind_name == ComponentKindName(kind)) return {catalogue.Find(kind, name)};
     }
-    throw RunnerError(ExitCode::kUsage,
-                      "runner describe: no kind '" + kind_name + "'. " +
-                          KnownNames(kind_name, {"environment", "model", "planner"}));
+    throw Failure(ExitCode::kUsage, "runner describe: no kind '" + kind_name + "'. " +
+                                        KnownNames(kind_name, {"environment", "model", "planner"}));
   }
   std::vector<std::shared_ptr<const ComponentInfo>> found;
   for (const ComponentKind kind : kinds) {
     try {
       found.push_back(catalogue.Find(kind, name));
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       // Of no such name here: perhaps of another kind. Anything else is the answer.
       if (error.code() != ExitCode::kNotFound) throw;
     }
@@ -172,7 +179,7 @@ std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalog
                         JoinNames(known) + ".";
   const std::vector<std::string> near = NearestNames(name, names);
   if (!near.empty()) message += " Did you mean " + near.front() + "?";
-  throw RunnerError(ExitCode::kNotFound, message);
+  throw Failure(ExitCode::kNotFound, message);
 }
 
 }  // namespace
@@ -192,9 +199,9 @@ int DescribeCommand(const std::vector<std::string>& arguments) {
     return static_cast<int>(ExitCode::kOk);
   }
   if (name.empty()) {
-    throw RunnerError(ExitCode::kUsage,
-                      "runner describe: expected [KIND/]NAME, found nothing; `runner list` shows "
-                      "the names");
+    throw Failure(ExitCode::kUsage,
+                  "runner describe: expected [KIND/]NAME, found nothing; `runner list` shows "
+                  "the names");
   }
   if (name == "run") {
     PrintRun();

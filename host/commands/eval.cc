@@ -3,15 +3,17 @@
 #include <iostream>
 #include <map>
 
-#include "host/commands/commands.h"
 #include "host/acting/episode.h"
+#include "host/commands/commands.h"
 #include "host/commands/options.h"
-#include "host/processes/probe.h"
 #include "host/commands/progress.h"
+#include "host/commands/text_table.h"
+#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
-#include "host/commands/text_table.h"
 #include "host/processes/trained_run.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -39,16 +41,16 @@ std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
     what.agent_sha256 = trained.agent_sha256;
     if (evaluation.model.name() == spec.model.name()) continue;
     if (!evaluation.model.info->needs_environment) {
-      throw RunnerError(ExitCode::kUsage,
-                        "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
-                            RunName(trained) + ", whose model is " + spec.model.name() +
-                            ". Expected that, or a model on true dynamics such as oracle");
+      throw Failure(ExitCode::kUsage,
+                    "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
+                        RunName(trained) + ", whose model is " + spec.model.name() +
+                        ". Expected that, or a model on true dynamics such as oracle");
     }
     if (spec.model.info->needs_environment) {
-      throw RunnerError(ExitCode::kUsage, "--model: " + RunName(trained) +
-                                              " trained no actor and critic for '" +
-                                              evaluation.model.name() + "': its own model is '" +
-                                              spec.model.name() + "'");
+      throw Failure(ExitCode::kUsage, "--model: " + RunName(trained) +
+                                          " trained no actor and critic for '" +
+                                          evaluation.model.name() + "': its own model is '" +
+                                          spec.model.name() + "'");
     }
     what.behaviour = spec.model;
   }
@@ -60,10 +62,10 @@ std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
   std::vector<RunSpec> evaluations = ResolveMatrix(options, catalogue);
   for (RunSpec& evaluation : evaluations) {
     if (!evaluation.model.info->needs_environment) {
-      throw RunnerError(ExitCode::kUsage,
-                        "--model: '" + evaluation.model.name() +
-                            "' learns, so it needs a trained run: runner eval RUN --planner ...; "
-                            "without one expected a model such as oracle");
+      throw Failure(ExitCode::kUsage,
+                    "--model: '" + evaluation.model.name() +
+                        "' learns, so it needs a trained run: runner eval RUN --planner ...; "
+                        "without one expected a model such as oracle");
     }
     evaluation.evaluation.emplace();
   }
@@ -177,7 +179,8 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
   std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
             << finished << " finished before; database " << database->path() << std::endl;
-  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+  ProgressDisplay progress;
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
   PrintTable(database.get(), specs);
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
     std::cerr << "the same command goes on\n";

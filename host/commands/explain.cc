@@ -6,20 +6,23 @@
 #include <utility>
 
 #include "host/acting/activity_clock.h"
-#include "host/commands/commands.h"
 #include "host/acting/decision_tree.h"
 #include "host/acting/episode.h"
-#include "host/training/evaluation.h"
-#include "host/training/experiment.h"
+#include "host/commands/commands.h"
 #include "host/commands/options.h"
 #include "host/commands/progress.h"
-#include "host/processes/question.h"
-#include "results/system/json_text.h"
-#include "results/figures/table.h"
-#include "host/settings/schedule.h"
-#include "host/processes/sweep.h"
 #include "host/commands/text_table.h"
+#include "host/processes/question.h"
+#include "host/processes/sweep.h"
 #include "host/processes/trained_run.h"
+#include "host/settings/schedule.h"
+#include "host/training/evaluation.h"
+#include "host/training/experiment.h"
+#include "results/database/table.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/json_text.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 
@@ -78,9 +81,9 @@ Subject TrainingSubject(results::Database* database, const std::string& run) {
   subject.info = database->GetRun(run);
   subject.spec = RecordedSpec(database, subject.info);
   if (subject.spec.evaluation) {
-    throw RunnerError(ExitCode::kUsage, "runner explain: --training: run " +
-                                            std::to_string(subject.info.run_id) +
-                                            " is an evaluation and trained nothing");
+    throw Failure(ExitCode::kUsage, "runner explain: --training: run " +
+                                        std::to_string(subject.info.run_id) +
+                                        " is an evaluation and trained nothing");
   }
   return subject;
 }
@@ -90,18 +93,18 @@ nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& 
                         std::uint64_t episode, std::uint64_t decision) {
   const std::filesystem::path path = Experiment::TreesPath(folder, episode);
   if (!std::filesystem::exists(path)) {
-    throw RunnerError(ExitCode::kNotFound,
-                      name + " kept no trees of training episode " + std::to_string(episode) +
-                          " (" + path.string() +
-                          "): it was run without --record-trees, the episode has not ended, or "
-                          "its actions were random");
+    throw Failure(ExitCode::kNotFound,
+                  name + " kept no trees of training episode " + std::to_string(episode) + " (" +
+                      path.string() +
+                      "): it was run without --record-trees, the episode has not ended, or "
+                      "its actions were random");
   }
   const CheckpointSections trees = ReadCheckpointFile(path);
   const auto found = trees.find(Experiment::TreeSection(decision));
   if (found == trees.end()) {
-    throw RunnerError(ExitCode::kUsage, "--decision: training episode " + std::to_string(episode) +
-                                            " has the trees of " + std::to_string(trees.size()) +
-                                            " decisions from 0, found " + std::to_string(decision));
+    throw Failure(ExitCode::kUsage, "--decision: training episode " + std::to_string(episode) +
+                                        " has the trees of " + std::to_string(trees.size()) +
+                                        " decisions from 0, found " + std::to_string(decision));
   }
   return results::ParseJson(found->second);
 }
@@ -180,14 +183,14 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
     return 0;
   }
   if (run.empty() || given.count("decision") == 0) {
-    throw RunnerError(ExitCode::kUsage,
-                      "runner explain: expected a run and a decision, for example runner explain "
-                      "3 --decision 120; `runner status` lists the runs");
+    throw Failure(ExitCode::kUsage,
+                  "runner explain: expected a run and a decision, for example runner explain "
+                  "3 --decision 120; `runner status` lists the runs");
   }
   if (decision < 0 || episode < 0) {
-    throw RunnerError(ExitCode::kUsage,
-                      "runner explain: --decision and --episode count from 0, found " +
-                          std::to_string(std::min(decision, episode)));
+    throw Failure(ExitCode::kUsage,
+                  "runner explain: --decision and --episode count from 0, found " +
+                      std::to_string(std::min(decision, episode)));
   }
   const auto database = results::Database::OpenReadOnly(db);
   const Subject subject = training ? TrainingSubject(database.get(), run)
@@ -196,22 +199,22 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   const std::string name =
       "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
   if (!training && spec.planner.name() == kActorPlanner) {
-    throw RunnerError(ExitCode::kUsage, name +
-                                            " plays the actor's mode and searches nothing: "
-                                            "there is no tree. `runner eval` evaluates it under "
-                                            "a planner, and that run can be explained");
+    throw Failure(ExitCode::kUsage, name +
+                                        " plays the actor's mode and searches nothing: "
+                                        "there is no tree. `runner eval` evaluates it under "
+                                        "a planner, and that run can be explained");
   }
   const std::uint64_t episodes = spec.run.Integer("eval_episodes");
   if (!training && static_cast<std::uint64_t>(episode) >= episodes) {
-    throw RunnerError(ExitCode::kUsage, "--episode: " + name + " is evaluated with " +
-                                            Counted(episodes, "episode") + ", expected 0 to " +
-                                            std::to_string(episodes - 1) + ", found " +
-                                            std::to_string(episode));
+    throw Failure(ExitCode::kUsage, "--episode: " + name + " is evaluated with " +
+                                        Counted(episodes, "episode") + ", expected 0 to " +
+                                        std::to_string(episodes - 1) + ", found " +
+                                        std::to_string(episode));
   }
   nlohmann::json tree;
   if (training) {
-    tree = KeptTree(database->RunFolder(subject.info), name,
-                    static_cast<std::uint64_t>(episode), static_cast<std::uint64_t>(decision));
+    tree = KeptTree(database->RunFolder(subject.info), name, static_cast<std::uint64_t>(episode),
+                    static_cast<std::uint64_t>(decision));
   } else {
     Question question;
     question.command = "explain-decision";
@@ -236,8 +239,8 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   out = OutputPath(out, "run" + std::to_string(subject.info.run_id) +
                             (training ? "_training" : "") + "_episode" + std::to_string(episode) +
                             "_decision" + std::to_string(decision));
-  results::WriteFile(out + ".json", results::JsonText(tree) + "\n");
-  results::WriteFile(out + ".html", TreePage(tree));
+  WriteFile(out + ".json", results::JsonText(tree) + "\n");
+  WriteFile(out + ".html", TreePage(tree));
   PrintRoot(tree);
   std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()
             << " edges\n";
@@ -290,17 +293,16 @@ int ExplainDecisionMain() {
     player.Play(course);
     faults.RethrowFirst();
     if (played <= wanted) {
-      throw RunnerError(ExitCode::kUsage, "--decision: expected 0 to " +
-                                              std::to_string(played - 1) +
-                                              " in that episode, found " + std::to_string(wanted));
+      throw Failure(ExitCode::kUsage, "--decision: expected 0 to " + std::to_string(played - 1) +
+                                          " in that episode, found " + std::to_string(wanted));
     }
     const std::string who = "planner '" + spec.planner.name() + "'";
     if (tree.faulty()) {
-      throw RunnerError(ExitCode::kInternal,
-                        who + " reported an edge before its parent, or memory ran out");
+      throw Failure(ExitCode::kInternal,
+                    who + " reported an edge before its parent, or memory ran out");
     }
     if (tree.edges().empty()) {
-      throw RunnerError(ExitCode::kBadInput, who + " reports no tree");
+      throw Failure(ExitCode::kBadInput, who + " reports no tree");
     }
     return TreeJson(tree, {action.data(), action.size()}, decided, metrics,
                     components.planner().metrics);

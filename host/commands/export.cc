@@ -1,17 +1,19 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "host/saving/byte_buffer.h"
-#include "host/saving/checkpoint.h"
-#include "host/commands/commands.h"
-#include "host/acting/components.h"
 #include "dreamsearch/version.h"
+#include "host/acting/components.h"
+#include "host/commands/commands.h"
 #include "host/commands/options.h"
 #include "host/commands/progress.h"
-#include "host/processes/question.h"
-#include "host/saving/safetensors.h"
 #include "host/commands/text_table.h"
+#include "host/processes/question.h"
 #include "host/processes/trained_run.h"
+#include "host/saving/byte_buffer.h"
+#include "host/saving/checkpoint.h"
+#include "host/saving/safetensors.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 
@@ -60,9 +62,9 @@ int ExportCommand(const std::vector<std::string>& arguments) {
     return 0;
   }
   if (run.empty()) {
-    throw RunnerError(ExitCode::kUsage,
-                      "runner export: expected a run, for example runner export 3; `runner "
-                      "status` lists them");
+    throw Failure(ExitCode::kUsage,
+                  "runner export: expected a run, for example runner export 3; `runner "
+                  "status` lists them");
   }
   const auto database = results::Database::OpenReadOnly(db);
   const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
@@ -119,9 +121,9 @@ int ExportModelMain() {
     TensorCollector collector;
     ThrowUnlessOk(model->Export(&collector), "model '" + spec.model.name() + "' Export");
     if (collector.tensors().empty()) {
-      throw RunnerError(ExitCode::kBadInput, "model '" + spec.model.name() +
-                                                 "' has no weights to export: it exports no "
-                                                 "tensor");
+      throw Failure(ExitCode::kBadInput, "model '" + spec.model.name() +
+                                             "' has no weights to export: it exports no "
+                                             "tensor");
     }
     nlohmann::json answer;
     answer["bytes"] = WriteSafetensors(question.at("out").get<std::string>(), collector.tensors(),

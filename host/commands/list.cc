@@ -4,17 +4,20 @@
 #include <string>
 #include <vector>
 
-#include "host/plugins/catalogue.h"
 #include "host/commands/commands.h"
 #include "host/commands/options.h"
 #include "host/commands/text_table.h"
+#include "host/plugins/catalogue.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {
 
 namespace po = boost::program_options;
 
-constexpr const char* kHelp = R"(runner list [KIND] - the components of all plugins, and what was refused
+constexpr const char* kHelp =
+    R"(runner list [KIND] - the components of all plugins, and what was refused
 
 KIND is environments, models or planners; all of them unless given.
 `runner describe NAME` shows the parameters of one.
@@ -30,8 +33,8 @@ std::optional<ComponentKind> ParseKind(const std::string& text) {
   }
   if (text == "model" || text == "models") return ComponentKind::kModel;
   if (text == "planner" || text == "planners") return ComponentKind::kPlanner;
-  throw RunnerError(ExitCode::kUsage,
-                    "runner list: no kind '" + text + "'. " + KnownNames(text, kKinds));
+  throw Failure(ExitCode::kUsage,
+                "runner list: no kind '" + text + "'. " + KnownNames(text, kKinds));
 }
 
 void PrintKind(const Catalogue& catalogue, ComponentKind kind) {

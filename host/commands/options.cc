@@ -7,24 +7,23 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <system_error>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
-#include "host/processes/cores.h"
+#include "host/settings/cores.h"
+#include "results/system/file.h"
 #include "results/system/json_text.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {
 
 namespace po = boost::program_options;
 
-[[noreturn]] void Usage(const std::string& message) {
-  throw RunnerError(ExitCode::kUsage, message);
-}
+[[noreturn]] void Usage(const std::string& message) { throw Failure(ExitCode::kUsage, message); }
 
 // --- single values -----------------------------------------------------------
 
@@ -61,11 +60,12 @@ double ParseSeconds(const std::string& text) {
 }
 
 std::uint64_t ParseBytes(const std::string& text) {
-  const std::string expected = "expected a size such as 512M, 4G or a number of bytes (0: no limit)";
+  const std::string expected =
+      "expected a size such as 512M, 4G or a number of bytes (0: no limit)";
   const auto [value, suffix] = ParseMeasure(text, expected);
   static const std::map<std::string, double> kFactors = {
-      {"", 1},           {"K", 0x1p10}, {"k", 0x1p10}, {"M", 0x1p20},
-      {"m", 0x1p20},     {"G", 0x1p30}, {"g", 0x1p30}, {"T", 0x1p40}};
+      {"", 1},       {"K", 0x1p10}, {"k", 0x1p10}, {"M", 0x1p20},
+      {"m", 0x1p20}, {"G", 0x1p30}, {"g", 0x1p30}, {"T", 0x1p40}};
   const auto factor = kFactors.find(suffix);
   if (factor == kFactors.end() || value * factor->second > 0x1p62) {
     throw std::invalid_argument(expected);
@@ -146,38 +146,43 @@ auto Named(std::string flag, std::function<void(const std::string&)> read) {
 po::options_description ChoiceFlags(Options* options) {
   po::options_description flags("What to run");
   const auto names = [](const char* flag, std::vector<std::string>* list) {
-    return Text("NAMES", Named(flag, [list](const std::string& text) { *list = ParseNames(text); }));
+    return Text("NAMES",
+                Named(flag, [list](const std::string& text) { *list = ParseNames(text); }));
   };
-  flags.add_options()
-      ("env", names("env", &options->environments), "tasks, comma separated")
-      ("planner", names("planner", &options->planners), "planners, comma separated")
-      ("model", names("model", &options->models), "models, comma separated (dreamer)")
-      ("eval-planner", po::value(&options->eval_planner)->value_name("NAME"),
-       "planner of the with-search evaluation (the run's own)")
-      ("seeds", Text("N", Named("seeds", [options](const std::string& text) {
-         const std::uint64_t count = ParseCount(text, 1, kMostSeeds);
-         for (std::uint64_t seed = 0; seed < count; ++seed) options->seeds.push_back(seed);
-       })), "run seeds 0 .. N-1 (1)")
-      ("seed-list", Text("A,B,...", Named("seed-list", [options](const std::string& text) {
-         options->seeds = ParseSeedList(text);
-       })), "run these seeds");
+  flags.add_options()("env", names("env", &options->environments), "tasks, comma separated")(
+      "planner", names("planner", &options->planners), "planners, comma separated")(
+      "model", names("model", &options->models), "models, comma separated (dreamer)")(
+      "eval-planner", po::value(&options->eval_planner)->value_name("NAME"),
+      "planner of the with-search evaluation (the run's own)")(
+      "seeds",
+      Text("N", Named("seeds",
+                      [options](const std::string& text) {
+                        const std::uint64_t count = ParseCount(text, 1, kMostSeeds);
+                        for (std::uint64_t seed = 0; seed < count; ++seed)
+                          options->seeds.push_back(seed);
+                      })),
+      "run seeds 0 .. N-1 (1)")("seed-list",
+                                Text("A,B,...", Named("seed-list",
+                                                      [options](const std::string& text) {
+                                                        options->seeds = ParseSeedList(text);
+                                                      })),
+                                "run these seeds");
   return flags;
 }
 
 po::options_description SettingFlags(Options* options) {
   po::options_description flags("How");
-  flags.add_options()
-      ("preset", po::value(&options->preset)->value_name("NAME"),
-       "fast (sized for a CPU) or paper (the paper's sizes and schedule) (fast)")
-      ("steps", po::value<std::string>()->value_name("N"),
-       "environment steps a run, before action repeat (the preset's)")
-      ("set", po::value<std::vector<std::string>>()->value_name("KEY=VALUE")->composing(),
-       "any declared parameter: planner.k for every listed planner that declares k, mcts_pw.k "
-       "for one, model.k, env.k, run.k; `runner describe NAME` lists them")
-      ("config", po::value(&options->config)->value_name("FILE"),
-       "read flags from a file, name = value a line; the command line wins")
-      ("study", po::value(&options->study)->value_name("NAME"),
-       "named comparison the runs belong to (default)");
+  flags.add_options()("preset", po::value(&options->preset)->value_name("NAME"),
+                      "fast (sized for a CPU) or paper (the paper's sizes and schedule) (fast)")(
+      "steps", po::value<std::string>()->value_name("N"),
+      "environment steps a run, before action repeat (the preset's)")(
+      "set", po::value<std::vector<std::string>>()->value_name("KEY=VALUE")->composing(),
+      "any declared parameter: planner.k for every listed planner that declares k, mcts_pw.k "
+      "for one, model.k, env.k, run.k; `runner describe NAME` lists them")(
+      "config", po::value(&options->config)->value_name("FILE"),
+      "read flags from a file, name = value a line; the command line wins")(
+      "study", po::value(&options->study)->value_name("NAME"),
+      "named comparison the runs belong to (default)");
   return flags;
 }
 
@@ -185,40 +190,44 @@ po::options_description EvaluationFlags(EvaluationOptions* evaluation) {
   Options* options = &evaluation->choice;
   po::options_description flags("What to evaluate");
   const auto names = [](const char* flag, std::vector<std::string>* list) {
-    return Text("NAMES", Named(flag, [list](const std::string& text) { *list = ParseNames(text); }));
+    return Text("NAMES",
+                Named(flag, [list](const std::string& text) { *list = ParseNames(text); }));
   };
-  flags.add_options()
-      ("run", po::value(&evaluation->run)->value_name("RUN"),
-       "the trained run: its number or the beginning of its UUID")
-      ("planner", names("planner", &options->planners), "planners, comma separated")
-      ("model", names("model", &options->models),
-       "models, comma separated (the run's own; oracle without RUN)")
-      ("episodes", po::value<std::string>()->value_name("N"),
-       "episodes a planner and model (run.eval_episodes)")
-      ("env", names("env", &options->environments), "tasks, comma separated; without RUN")
-      ("seeds", Text("N", Named("seeds", [options](const std::string& text) {
-         const std::uint64_t count = ParseCount(text, 1, kMostSeeds);
-         for (std::uint64_t seed = 0; seed < count; ++seed) options->seeds.push_back(seed);
-       })), "run seeds 0 .. N-1, each with episodes of its own; without RUN (1)")
-      ("seed-list", Text("A,B,...", Named("seed-list", [options](const std::string& text) {
-         options->seeds = ParseSeedList(text);
-       })), "these run seeds; without RUN")
-      ("study", po::value<std::string>()->value_name("NAME"),
-       "named comparison the evaluations belong to; without RUN (default)")
-      ("preset", po::value<std::string>()->value_name("NAME"),
-       "preset of planners and models that the run did not train with (the run's; fast)")
-      ("set", po::value<std::vector<std::string>>()->value_name("KEY=VALUE")->composing(),
-       "a parameter: planner.k, mcts_pw.k, model.k, env.k; without RUN also "
-       "run.action_repeat")
-      ("help,h", "show this text");
+  flags.add_options()("run", po::value(&evaluation->run)->value_name("RUN"),
+                      "the trained run: its number or the beginning of its UUID")(
+      "planner", names("planner", &options->planners), "planners, comma separated")(
+      "model", names("model", &options->models),
+      "models, comma separated (the run's own; oracle without RUN)")(
+      "episodes", po::value<std::string>()->value_name("N"),
+      "episodes a planner and model (run.eval_episodes)")(
+      "env", names("env", &options->environments), "tasks, comma separated; without RUN")(
+      "seeds",
+      Text("N", Named("seeds",
+                      [options](const std::string& text) {
+                        const std::uint64_t count = ParseCount(text, 1, kMostSeeds);
+                        for (std::uint64_t seed = 0; seed < count; ++seed)
+                          options->seeds.push_back(seed);
+                      })),
+      "run seeds 0 .. N-1, each with episodes of its own; without RUN (1)")(
+      "seed-list",
+      Text("A,B,...",
+           Named("seed-list",
+                 [options](const std::string& text) { options->seeds = ParseSeedList(text); })),
+      "these run seeds; without RUN")(
+      "study", po::value<std::string>()->value_name("NAME"),
+      "named comparison the evaluations belong to; without RUN (default)")(
+      "preset", po::value<std::string>()->value_name("NAME"),
+      "preset of planners and models that the run did not train with (the run's; fast)")(
+      "set", po::value<std::vector<std::string>>()->value_name("KEY=VALUE")->composing(),
+      "a parameter: planner.k, mcts_pw.k, model.k, env.k; without RUN also "
+      "run.action_repeat")("help,h", "show this text");
   return flags;
 }
 
 po::options_description GeneralFlags(Options* options) {
   po::options_description flags("General");
-  flags.add_options()
-      ("help,h", po::bool_switch(&options->help), "show this text")
-      ("version", po::bool_switch(&options->version), "show the version");
+  flags.add_options()("help,h", po::bool_switch(&options->help), "show this text")(
+      "version", po::bool_switch(&options->version), "show the version");
   return flags;
 }
 
@@ -245,11 +254,11 @@ template <typename Action>
 auto WithClearErrors(const std::string& where, ExitCode code, const char* dashes,
                      const po::options_description& flags, Action action) {
   const auto fail = [&](const std::string& message) -> void {
-    throw RunnerError(code, where + ": " + message);
+    throw Failure(code, where + ": " + message);
   };
   try {
     return action();
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     fail(error.what());
   } catch (const po::unknown_option& error) {
     std::string name = error.get_option_name();
@@ -273,7 +282,7 @@ auto WithClearErrors(const std::string& where, ExitCode code, const char* dashes
   } catch (const po::error& error) {
     fail(error.what());
   }
-  throw RunnerError(ExitCode::kInternal, "unreachable");
+  throw Failure(ExitCode::kInternal, "unreachable");
 }
 
 // --- the configuration file --------------------------------------------------
@@ -286,22 +295,21 @@ struct FileOption {
 std::string ReadFile(const std::string& file) {
   std::error_code error;
   if (!std::filesystem::exists(file, error)) {
-    throw RunnerError(ExitCode::kNotFound, "no configuration file " + file);
+    throw Failure(ExitCode::kNotFound, "no configuration file " + file);
   }
   if (std::filesystem::is_directory(file, error)) {
-    throw RunnerError(ExitCode::kBadInput, "expected a configuration file, " + file +
-                                               " is a folder");
+    throw Failure(ExitCode::kBadInput, "expected a configuration file, " + file + " is a folder");
   }
   constexpr std::uintmax_t kMostBytes = 1 << 20;
   std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw RunnerError(ExitCode::kPermission, "cannot read " + file);
+  if (!stream) throw Failure(ExitCode::kPermission, "cannot read " + file);
   std::string text(kMostBytes + 1, '\0');
   stream.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(stream.gcount()));
-  if (stream.bad()) throw RunnerError(ExitCode::kInputOutput, "cannot read " + file);
+  if (stream.bad()) throw Failure(ExitCode::kInputOutput, "cannot read " + file);
   if (text.size() > kMostBytes) {
-    throw RunnerError(ExitCode::kBadInput, "configuration file " + file +
-                                               " is larger than 1 MB; expected flags, one a line");
+    throw Failure(ExitCode::kBadInput, "configuration file " + file +
+                                           " is larger than 1 MB; expected flags, one a line");
   }
   return text;
 }
@@ -322,7 +330,7 @@ std::vector<FileOption> ReadConfiguration(const std::string& path,
     if (line.ends_with('\r')) line.pop_back();
     const std::string where = file + ", line " + std::to_string(number);
     const auto fail = [&](const std::string& message) {
-      throw RunnerError(ExitCode::kBadInput, where + ": " + message);
+      throw Failure(ExitCode::kBadInput, where + ": " + message);
     };
     for (const char c : line) {
       if ((c >= 0 && c < 0x20 && c != '\t') || c == 0x7f) {
@@ -335,9 +343,8 @@ std::vector<FileOption> ReadConfiguration(const std::string& path,
       fail("expected name = value, found '" + content.substr(0, 60) + "'");
     }
     std::istringstream one(line);
-    const po::parsed_options parsed =
-        WithClearErrors(where, ExitCode::kBadInput, "", flags,
-                        [&] { return po::parse_config_file(one, flags); });
+    const po::parsed_options parsed = WithClearErrors(
+        where, ExitCode::kBadInput, "", flags, [&] { return po::parse_config_file(one, flags); });
     for (const po::option& option : parsed.options) {
       const std::string& name = option.string_key;
       if (name == "config" || name == "help" || name == "version") {
@@ -349,8 +356,8 @@ std::vector<FileOption> ReadConfiguration(const std::string& path,
       if (name != "set" && name != "plugin-path") {
         const auto [before, added] = first_line.try_emplace(name, number);
         if (!added) {
-          fail("'" + name + "' is given twice; it was on line " +
-               std::to_string(before->second) + " already");
+          fail("'" + name + "' is given twice; it was on line " + std::to_string(before->second) +
+               " already");
         }
       }
       found.push_back({option, where});
@@ -362,9 +369,9 @@ std::vector<FileOption> ReadConfiguration(const std::string& path,
 Setting ParseSetting(const std::string& text, bool from_file, const std::string& where) {
   const auto equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || text.find('.') > equals) {
-    throw RunnerError(from_file ? ExitCode::kBadInput : ExitCode::kUsage,
-                      where + ": set: expected key=value with a key such as planner.k, found '" +
-                          text.substr(0, 60) + "'");
+    throw Failure(from_file ? ExitCode::kBadInput : ExitCode::kUsage,
+                  where + ": set: expected key=value with a key such as planner.k, found '" +
+                      text.substr(0, 60) + "'");
   }
   const auto trim = [](std::string word) {
     const auto begin = word.find_first_not_of(" \t");
@@ -396,9 +403,9 @@ po::parsed_options FromFile(const std::string& path, const po::options_descripti
     });
     const bool seeds = name == "seeds" || name == "seed-list";
     if (seeds && !seeds_where.empty()) {
-      throw RunnerError(ExitCode::kBadInput,
-                        entry.where + ": expected seeds or seed-list, found both; the other is in " +
-                            seeds_where);
+      throw Failure(ExitCode::kBadInput,
+                    entry.where + ": expected seeds or seed-list, found both; the other is in " +
+                        seeds_where);
     }
     if (seeds) seeds_where = entry.where;
     if (name == "set") {
@@ -432,25 +439,24 @@ po::parsed_options ParseArguments(const std::vector<std::string>& arguments,
 constexpr const char* kCommandLine = "runner";
 
 void AddRetryFlag(ProcessOptions* process, po::options_description* flags) {
-  flags->add_options()
-      ("retry", po::bool_switch(&process->retry), "run failed, crashed and diverged runs again");
+  flags->add_options()("retry", po::bool_switch(&process->retry),
+                       "run failed, crashed and diverged runs again");
 }
 
 void AddReplaceFlag(ProcessOptions* process, po::options_description* flags) {
-  flags->add_options()
-      ("replace", po::bool_switch(&process->replace),
-       "start an unfinished run over that cannot go on: a plugin of it has changed, or none of its "
-       "checkpoints is whole and of the database's rows; deletes what it recorded");
+  flags->add_options()(
+      "replace", po::bool_switch(&process->replace),
+      "start an unfinished run over that cannot go on: a plugin of it has changed, or none of its "
+      "checkpoints is whole and of the database's rows; deletes what it recorded");
 }
 
 void AddRecordingFlags(ProcessOptions* process, po::options_description* flags) {
-  flags->add_options()
-      ("log-decisions", po::bool_switch(&process->log_decisions),
-       "store a row of search statistics for every decision")
-      ("record-trees", po::bool_switch(&process->record_trees),
-       "keep the search trees of training decisions for `runner explain`")
-      ("dry-run", po::bool_switch(&process->dry_run),
-       "print the runs, their settings and an estimate; run nothing");
+  flags->add_options()("log-decisions", po::bool_switch(&process->log_decisions),
+                       "store a row of search statistics for every decision")(
+      "record-trees", po::bool_switch(&process->record_trees),
+      "keep the search trees of training decisions for `runner explain`")(
+      "dry-run", po::bool_switch(&process->dry_run),
+      "print the runs, their settings and an estimate; run nothing");
 }
 
 }  // namespace
@@ -463,10 +469,10 @@ std::string OutputPath(const std::string& out, const std::string& name) {
 
 po::options_description PluginPathFlag(std::vector<std::string>* plugin_path) {
   po::options_description flags("Plugins");
-  flags.add_options()
-      ("plugin-path", po::value(plugin_path)->value_name("FOLDER")->composing(),
-       "search this folder for plugins first; then $DREAMSEARCH_PLUGIN_PATH, then the runner's "
-       "own");
+  flags.add_options()(
+      "plugin-path", po::value(plugin_path)->value_name("FOLDER")->composing(),
+      "search this folder for plugins first; then $DREAMSEARCH_PLUGIN_PATH, then the runner's "
+      "own");
   return flags;
 }
 
@@ -530,8 +536,7 @@ po::options_description ProcessFlags(ProcessOptions* process) {
   return flags;
 }
 
-po::variables_map ParseFlags(const std::string& command,
-                             const std::vector<std::string>& arguments,
+po::variables_map ParseFlags(const std::string& command, const std::vector<std::string>& arguments,
                              const po::options_description& flags,
                              const po::positional_options_description& positional) {
   // Boost tells of a surplus argument without naming it.

@@ -7,19 +7,18 @@
 // the current folder.
 #pragma once
 
+#include <boost/program_options.hpp>
 #include <string>
 #include <vector>
 
-#include <boost/program_options.hpp>
-
-#include "host/system/error.h"
 #include "host/settings/run_options.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
 // The command line of `runner eval`.
 struct EvaluationOptions {
-  std::string run;     // the trained run; empty: none
+  std::string run;  // the trained run; empty: none
   // What the command line says; empty lists where it says nothing. Settings hold
   // --episodes as run.eval_episodes.
   Options choice;
@@ -47,7 +46,7 @@ std::string OutputPath(const std::string& out, const std::string& name);
 
 // For subcommands. The flags that fill *process: where and within which limits; with them
 // those that mean something to `runner eval`, to `runner resume`, and all; or only
-// --plugin-path. ParseFlags reads them with RunnerError instead of Boost's errors. A flag
+// --plugin-path. ParseFlags reads them with Failure instead of Boost's errors. A flag
 // may be given once unless its value is a vector. `command` is for messages:
 // "runner list".
 boost::program_options::options_description LimitFlags(ProcessOptions* process);

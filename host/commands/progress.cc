@@ -10,6 +10,7 @@
 #include <iostream>
 
 #include "host/acting/activity_clock.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -28,52 +29,6 @@ std::size_t TerminalWidth() {
 
 }  // namespace
 
-std::string GroupDigits(std::uint64_t number) {
-  std::string digits = std::to_string(number);
-  for (std::ptrdiff_t i = static_cast<std::ptrdiff_t>(digits.size()) - 3; i > 0; i -= 3) {
-    digits.insert(static_cast<std::size_t>(i), ",");
-  }
-  return digits;
-}
-
-std::string Counted(std::uint64_t number, const std::string& noun) {
-  return GroupDigits(number) + " " + noun + (number == 1 ? "" : "s");
-}
-
-std::string FormatDuration(double seconds) {
-  if (!(seconds >= 0) || seconds > 1e9) return "unknown time";
-  const auto s = static_cast<std::uint64_t>(std::llround(seconds));
-  if (s < 100) return std::to_string(s) + " s";
-  if (s < 100 * 60) return std::to_string((s + 30) / 60) + " min";
-  if (s < 48 * 3600) {
-    return std::to_string(s / 3600) + " h " + std::to_string(s % 3600 / 60) + " min";
-  }
-  return std::to_string(s / 86400) + " d " + std::to_string(s % 86400 / 3600) + " h";
-}
-
-std::string FormatBytes(double bytes) {
-  if (bytes < 1000) return Printf("%.0f B", bytes);
-  if (bytes < 1e6) return Printf("%.1f kB", bytes / 1e3);
-  if (bytes < 1e9) return Printf("%.1f MB", bytes / 1e6);
-  return Printf("%.1f GB", bytes / 1e9);
-}
-
-void RateMeter::Add(double now_seconds, std::uint64_t env_step, bool counts) {
-  if (!counts) {
-    points_.clear();
-    return;
-  }
-  points_.emplace_back(now_seconds, env_step);
-  while (points_.size() > 2 && now_seconds - points_[1].first > 120) points_.pop_front();
-}
-
-double RateMeter::Rate() const {
-  if (points_.size() < 2) return 0;
-  const double seconds = points_.back().first - points_.front().first;
-  const std::uint64_t steps = points_.back().second - points_.front().second;
-  return seconds > 3 && steps >= least_steps_ ? static_cast<double>(steps) / seconds : 0;
-}
-
 ProgressDisplay::ProgressDisplay() : terminal_(::isatty(STDERR_FILENO) != 0) {
   const char* no_colour = std::getenv("NO_COLOR");
   const char* term = std::getenv("TERM");
@@ -89,7 +44,7 @@ void ProgressDisplay::Erase() {
   std::cerr << std::flush;
 }
 
-std::string ProgressDisplay::Format(const Line& line) const {
+std::string ProgressDisplay::Format(const ActiveLine& line) const {
   const double done = line.env_steps_target == 0 ? 0
                                                  : static_cast<double>(line.env_step) /
                                                        static_cast<double>(line.env_steps_target);
@@ -112,7 +67,8 @@ std::string ProgressDisplay::Format(const Line& line) const {
   return text + "  (" + line.stage + ")";
 }
 
-void ProgressDisplay::Show(const std::map<std::size_t, Line>& lines, const std::string& summary) {
+void ProgressDisplay::Show(const std::map<std::size_t, ActiveLine>& lines,
+                           const std::string& summary) {
   if (!terminal_) {
     const double now = ActivityClock::Now();
     for (const auto& [run, line] : lines) {

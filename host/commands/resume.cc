@@ -2,12 +2,13 @@
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/system/error.h"
 #include "host/commands/options.h"
 #include "host/commands/progress.h"
-#include "results/database/database.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
+#include "results/database/database.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 
@@ -21,8 +22,8 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
       "runner resume [RUN|STUDY|all] [options]\n\nGoes on with runs that were queued, interrupted "
       "or killed, or whose process died;\nwith --retry also with those that failed, crashed or "
       "diverged. RUN is a number or\nthe beginning of a UUID from `runner status`");
-  flags.add_options()("help", "show this help")(
-      "what", po::value<std::string>(&what), "RUN, STUDY or all")(
+  flags.add_options()("help", "show this help")("what", po::value<std::string>(&what),
+                                                "RUN, STUDY or all")(
       "force", po::bool_switch(&force),
       "go on under another instruction set, though the bits will differ");
   flags.add(ResumeFlags(&options));
@@ -37,8 +38,8 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
   std::vector<results::RunInfo> runs = database->ListRuns();
   bool one = false;  // named by itself
   if (what != "all") {
-    const bool is_study = std::any_of(runs.begin(), runs.end(),
-                                      [&](const auto& run) { return run.study == what; });
+    const bool is_study =
+        std::any_of(runs.begin(), runs.end(), [&](const auto& run) { return run.study == what; });
     if (is_study) {
       std::erase_if(runs, [&](const auto& run) { return run.study != what; });
     } else {
@@ -61,7 +62,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
     SweepJob job;
     try {
       job = RecordedJob(database.get(), options, run);
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       if (one) throw;
       std::cerr << "refused: " << error.what() << "\n";
       if (refused == 0) refused = error.exit_status();
@@ -87,7 +88,8 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
               << database->path() << "\n";
     return refused;
   }
-  const int status = RunSweep(database.get(), options, std::move(jobs)).exit_status;
+  ProgressDisplay progress;
+  const int status = RunSweep(database.get(), options, std::move(jobs), &progress).exit_status;
   const bool stopped = status == static_cast<int>(ExitCode::kInterrupted);
   return refused != 0 && !stopped ? refused : status;
 }

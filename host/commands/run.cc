@@ -8,28 +8,37 @@
 #include <set>
 #include <thread>
 
-#include "host/plugins/catalogue.h"
-#include "host/commands/commands.h"
 #include "dreamsearch/version.h"
+#include "host/commands/commands.h"
 #include "host/commands/options.h"
-#include "host/processes/probe.h"
 #include "host/commands/progress.h"
-#include "host/settings/settings.h"
+#include "host/plugins/catalogue.h"
+#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
+#include "host/settings/settings.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
 
 const char* ActionText(Action action) {
   switch (action) {
-    case Action::kStart: return "start";
-    case Action::kResume: return "resume";
-    case Action::kStartOver: return "start over";
-    case Action::kSkipFinished: return "skip, finished";
-    case Action::kSkipFailed: return "skip, failed";
-    case Action::kSkipActive: return "skip, active";
-    case Action::kRefused: return "refuse";
+    case Action::kStart:
+      return "start";
+    case Action::kResume:
+      return "resume";
+    case Action::kStartOver:
+      return "start over";
+    case Action::kSkipFinished:
+      return "skip, finished";
+    case Action::kSkipFailed:
+      return "skip, failed";
+    case Action::kSkipActive:
+      return "skip, active";
+    case Action::kRefused:
+      return "refuse";
   }
   return "";
 }
@@ -128,9 +137,8 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
     std::cout << "\n";
   }
   PrintSettings(runs);
-  const auto jobs = static_cast<double>(
-      std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(
-                                                               options.process.jobs))));
+  const auto jobs = static_cast<double>(std::max<std::size_t>(
+      1, std::min<std::size_t>(work, static_cast<std::size_t>(options.process.jobs))));
   std::cout << "\ntotal: " << work << " of " << Counted(runs.size(), "run") << " to work on, about "
             << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs "
             << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
@@ -200,16 +208,17 @@ int RunCommand(const std::vector<std::string>& arguments) {
   for (const PlannedRun& run : planned) ++counts[run.action];
   std::cerr << Counted(planned.size(), "run") << ":";
   for (const auto& [action, count] : counts) {
-    std::cerr << " " << count << " to " << ActionText(action) << (action == counts.rbegin()->first ? "" : ",");
+    std::cerr << " " << count << " to " << ActionText(action)
+              << (action == counts.rbegin()->first ? "" : ",");
   }
   std::cerr << "; database " << database->path() << std::endl;
 
   std::vector<std::string> argv = {"runner"};
   argv.insert(argv.end(), arguments.begin(), arguments.end());
-  std::vector<SweepJob> jobs =
-      RecordSweep(database.get(), options.process, planned, tasks, argv);
+  std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
   const std::size_t work = jobs.size();
-  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs));
+  ProgressDisplay progress;
+  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
 
   std::map<results::RunStatus, int> ended;
   for (const results::RunStatus status : result.statuses) ++ended[status];

@@ -3,11 +3,12 @@
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/system/error.h"
 #include "host/commands/options.h"
 #include "host/commands/progress.h"
-#include "results/database/database.h"
 #include "host/processes/worker.h"
+#include "results/database/database.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 
@@ -15,8 +16,9 @@ namespace po = boost::program_options;
 
 int StatusCommand(const std::vector<std::string>& arguments) {
   std::string db = "results/dreamsearch.db";
-  po::options_description flags("runner status [--db FILE]\n\nWhat is queued, active, stopped and "
-                                "done in a results database");
+  po::options_description flags(
+      "runner status [--db FILE]\n\nWhat is queued, active, stopped and "
+      "done in a results database");
   flags.add_options()("help", "show this help")(
       "db", po::value<std::string>(&db)->default_value(db), "results database");
   const po::variables_map given = ParseFlags("runner status", arguments, flags);

@@ -4,16 +4,9 @@
 #include <sstream>
 #include <utility>
 
+#include "results/system/text.h"
+
 namespace dreamsearch {
-namespace {
-
-std::size_t Characters(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
-}
-
-}  // namespace
-
 void TextTable::Row(std::vector<std::string> cells) { lines_.push_back({std::move(cells), ""}); }
 
 void TextTable::Note(std::string text) { lines_.push_back({{}, std::move(text)}); }
@@ -23,13 +16,13 @@ void TextTable::Print(std::ostream& out) const {
   for (const Line& line : lines_) {
     widths.resize(std::max(widths.size(), line.cells.size()));
     for (std::size_t i = 0; i < line.cells.size(); ++i) {
-      widths[i] = std::max(widths[i], Characters(line.cells[i]));
+      widths[i] = std::max(widths[i], Width(line.cells[i]));
     }
   }
   for (const Line& line : lines_) {
     std::string text(indent_, ' ');
     for (std::size_t i = 0; i < line.cells.size(); ++i) {
-      text += line.cells[i] + std::string(widths[i] - Characters(line.cells[i]) + 2, ' ');
+      text += line.cells[i] + std::string(widths[i] - Width(line.cells[i]) + 2, ' ');
     }
     if (line.cells.empty()) text = line.note;
     text.erase(text.find_last_not_of(' ') + 1);
@@ -41,7 +34,7 @@ std::string WrapText(const std::string& text, std::size_t width, std::size_t ind
   std::istringstream words(text);
   std::string wrapped, line;
   for (std::string word; words >> word;) {
-    if (!line.empty() && indent + Characters(line) + 1 + Characters(word) > width) {
+    if (!line.empty() && indent + Width(line) + 1 + Width(word) > width) {
       wrapped += std::string(indent, ' ') + std::exchange(line, {}) + '\n';
     }
     line += (line.empty() ? "" : " ") + word;

@@ -4,11 +4,14 @@
 
 #include "host/commands/commands.h"
 #include "host/commands/options.h"
+#include "host/commands/progress.h"
 #include "host/processes/probe.h"
-#include "host/system/provenance.h"
-#include "results/database/verification.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
+#include "host/training/provenance.h"
+#include "results/database/verification.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 
@@ -34,7 +37,7 @@ class TemporaryFolder {
   TemporaryFolder() {
     std::string name = (std::filesystem::temp_directory_path() / "dreamsearch_XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) {
-      throw RunnerError(ExitCode::kCannotCreate, "cannot create the folder " + name);
+      throw Failure(ExitCode::kCannotCreate, "cannot create the folder " + name);
     }
     path_ = name;
   }
@@ -70,17 +73,17 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
     return 0;
   }
   if (what.empty()) {
-    throw RunnerError(ExitCode::kUsage,
-                      "runner verify: expected a run, for example runner verify 3; `runner "
-                      "status` lists them");
+    throw Failure(ExitCode::kUsage,
+                  "runner verify: expected a run, for example runner verify 3; `runner "
+                  "status` lists them");
   }
   const auto database = results::Database::OpenReadOnly(options.db.string());
   const results::RunInfo run = database->GetRun(what);
   RunSpec spec = RecordedSpec(database.get(), run);
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
   if (run.status != results::RunStatus::kFinished) {
-    throw RunnerError(ExitCode::kUsage, name + " is " + results::RunStatusName(run.status) +
-                                            "; expected a finished run");
+    throw Failure(ExitCode::kUsage,
+                  name + " is " + results::RunStatusName(run.status) + "; expected a finished run");
   }
   if (database->ComputeResultDigest(run.run_id) != run.result_digest) {
     std::cout << "different: the stored episodes of " << name << " do not have its stored digest\n";
@@ -94,14 +97,14 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
   }
   if (!changed.empty()) {
     if (!force) {
-      throw RunnerError(ExitCode::kPluginRefused, name + " was made with another " + changed +
-                                                      ". Use --force to compare anyway");
+      throw Failure(ExitCode::kPluginRefused,
+                    name + " was made with another " + changed + ". Use --force to compare anyway");
     }
     std::cerr << "warning: " << name << " was made with another " << changed << "\n";
     for (ResolvedComponent* component :
          {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
       ComponentInfo info = *component->info;
-      info.plugin.sha256 = FileSha256(info.plugin.path);
+      info.plugin.sha256 = Sha256HexOfFile(info.plugin.path);
       component->info = std::make_shared<const ComponentInfo>(std::move(info));
     }
   }
@@ -118,7 +121,8 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
       RecordSweep(repeated.get(), options, {planned}, {task}, {"runner", "verify"});
   jobs.front().work.agent_checkpoint = agent;
   const std::int64_t repeated_id = jobs.front().work.run_id;
-  const SweepResult result = RunSweep(repeated.get(), options, std::move(jobs));
+  ProgressDisplay progress;
+  const SweepResult result = RunSweep(repeated.get(), options, std::move(jobs), &progress);
   if (result.exit_status != 0) return result.exit_status;
 
   const results::RunInfo again = *repeated->GetRun(repeated_id);

@@ -1,7 +1,6 @@
 #include "host/plugins/catalogue.h"
 
 #include <fcntl.h>
-#include <openssl/evp.h>
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
@@ -16,14 +15,16 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <thread>
 #include <tuple>
 
-#include <nlohmann/json.hpp>
-
 #include "host/plugins/plugin_loader.h"
+#include "results/system/descriptor.h"
 #include "results/system/json_text.h"
+#include "results/system/names.h"
+#include "results/system/sha256.h"
 
 extern char** environ;
 
@@ -90,7 +91,7 @@ class Descriptor {
 };
 
 [[noreturn]] void ThrowSystem(const std::string& what, int error) {
-  throw RunnerError(ExitCode::kInternal, what + ": " + std::strerror(error));
+  throw Failure(ExitCode::kInternal, what + ": " + std::strerror(error));
 }
 
 struct Pipe {
@@ -141,8 +142,8 @@ pid_t Spawn(const std::string& file, const ScanOptions& options, int description
   argv.push_back(nullptr);
 
   pid_t child = 0;
-  const int failure = ::posix_spawn(&child, options.program.c_str(), &actions, &attributes,
-                                    argv.data(), environ);
+  const int failure =
+      ::posix_spawn(&child, options.program.c_str(), &actions, &attributes, argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
   if (failure != 0) ThrowSystem("cannot start " + options.program, failure);
@@ -171,7 +172,7 @@ struct ChildResult {
   bool done = false;        // the token came
   bool timed_out = false;
   int wait_status = 0;
-  std::string errors;       // the end of what it wrote to standard error
+  std::string errors;  // the end of what it wrote to standard error
 };
 
 // Runs the describing program on one file until it has written its token, has
@@ -253,9 +254,9 @@ Description Describe(const std::string& file, const ScanOptions& options) {
   ChildResult child;
   try {
     // A folder or a named pipe called x.so has no digest; the child says what it is.
-    if (std::filesystem::is_regular_file(file)) sha256 = FileSha256(file);
+    if (std::filesystem::is_regular_file(file)) sha256 = Sha256HexOfFile(file);
     child = RunChild(file, options);
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return refuse(error.code(), error.what());
   }
   const std::string where = "plugin " + file + ": ";
@@ -269,9 +270,9 @@ Description Describe(const std::string& file, const ScanOptions& options) {
   }
   if (!child.done && WIFSIGNALED(child.wait_status)) {
     const int signal = WTERMSIG(child.wait_status);
-    return refuse(ExitCode::kPluginCrashed, where + "crashed while it was loaded: " +
-                                                ::strsignal(signal) + " (signal " +
-                                                std::to_string(signal) + ")" + said);
+    return refuse(ExitCode::kPluginCrashed,
+                  where + "crashed while it was loaded: " + ::strsignal(signal) + " (signal " +
+                      std::to_string(signal) + ")" + said);
   }
   if (!child.done) {
     return refuse(ExitCode::kPluginCrashed,
@@ -336,16 +337,6 @@ bool IsCalled(const std::string& file, std::string_view name) {
 
 // --- the child's side --------------------------------------------------------
 
-bool WriteAll(int descriptor, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) return false;
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return true;
-}
-
 // A library that allocates without end meets a limit instead of the machine's.
 // The sanitizers reserve address space beyond any limit.
 void LimitResources() {
@@ -368,7 +359,7 @@ Json DescribePlugin(const std::string& file) {
       components.push_back(ToJson(info));
     }
     return {{"components", components}};
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return {{"refused", {{"code", error.exit_status()}, {"message", error.what()}}}};
   } catch (const std::exception& error) {
     return {{"refused",
@@ -376,34 +367,6 @@ Json DescribePlugin(const std::string& file) {
               {"message", "plugin " + file + ": " + error.what()}}}};
   }
 }
-
-class Sha256Stream {
- public:
-  Sha256Stream() : context_(::EVP_MD_CTX_new()) {
-    if (context_ == nullptr || ::EVP_DigestInit_ex(context_, ::EVP_sha256(), nullptr) != 1) {
-      throw RunnerError(ExitCode::kInternal, "libcrypto offers no SHA-256");
-    }
-  }
-  ~Sha256Stream() { ::EVP_MD_CTX_free(context_); }
-  Sha256Stream(const Sha256Stream&) = delete;
-  Sha256Stream& operator=(const Sha256Stream&) = delete;
-
-  void Add(const void* data, std::size_t size) { ::EVP_DigestUpdate(context_, data, size); }
-  std::string Hex() {
-    unsigned char digest[EVP_MAX_MD_SIZE];
-    unsigned size = 0;
-    ::EVP_DigestFinal_ex(context_, digest, &size);
-    std::string text;
-    for (unsigned i = 0; i < size; ++i) {
-      text += "0123456789abcdef"[digest[i] >> 4];
-      text += "0123456789abcdef"[digest[i] & 15];
-    }
-    return text;
-  }
-
- private:
-  EVP_MD_CTX* context_;
-};
 
 }  // namespace
 
@@ -492,8 +455,7 @@ ComponentInfo ComponentInfoFromJson(const Json& json) {
     info.parameters.push_back(std::move(p));
   }
   for (const Json& item : json.at("metrics")) {
-    info.metrics.push_back({item.at("name").get<std::string>(),
-                            item.at("unit").get<std::string>(),
+    info.metrics.push_back({item.at("name").get<std::string>(), item.at("unit").get<std::string>(),
                             item.at("help").get<std::string>()});
   }
   const Json& plugin = json.at("plugin");
@@ -553,8 +515,8 @@ Catalogue Catalogue::Scan(const std::vector<std::filesystem::path>& folders,
         const PluginInfo& other = old->second.plugin;
         if (old->second.folder == folder_of_file[i]) {
           catalogue.ambiguous_.try_emplace(
-              key, kind + " '" + name + "' is offered by two plugins of one folder, " +
-                       other.path + " and " + component.plugin.path + "; remove one of them");
+              key, kind + " '" + name + "' is offered by two plugins of one folder, " + other.path +
+                       " and " + component.plugin.path + "; remove one of them");
         } else if (other.sha256 != component.plugin.sha256) {
           catalogue.warnings_.push_back(kind + " '" + name + "' of " + component.plugin.path +
                                         " is hidden by the one of " + other.path);
@@ -581,7 +543,7 @@ std::shared_ptr<const ComponentInfo> Catalogue::Find(ComponentKind kind,
                                                      std::string_view name) const {
   const std::string text(name);
   if (const auto both = ambiguous_.find({kind, text}); both != ambiguous_.end()) {
-    throw RunnerError(ExitCode::kPluginRefused, both->second);
+    throw Failure(ExitCode::kPluginRefused, both->second);
   }
   std::vector<std::string> known;
   for (const auto& component : components_) {
@@ -595,7 +557,7 @@ std::shared_ptr<const ComponentInfo> Catalogue::Find(ComponentKind kind,
   }
   std::vector<std::string> refused;
   for (const PluginRefusal& refusal : refusals_) {
-    if (IsCalled(refusal.path, name)) throw RunnerError(refusal.code, refusal.message);
+    if (IsCalled(refusal.path, name)) throw Failure(refusal.code, refusal.message);
     refused.push_back(std::filesystem::path(refusal.path).filename().string());
   }
   std::string message = std::string("no ") + ComponentKindName(kind) + " '" + text + "' in " +
@@ -603,7 +565,7 @@ std::shared_ptr<const ComponentInfo> Catalogue::Find(ComponentKind kind,
   if (!refused.empty()) {
     message += " Refused: " + JoinNames(refused) + " (`runner list` says why).";
   }
-  throw RunnerError(ExitCode::kNotFound, message);
+  throw Failure(ExitCode::kNotFound, message);
 }
 
 std::vector<std::filesystem::path> PluginFolders(const std::vector<std::string>& first) {
@@ -616,11 +578,11 @@ std::vector<std::filesystem::path> PluginFolders(const std::vector<std::string>&
     for (const std::string& folder : SplitList(entry, ':')) {
       std::error_code error;
       if (!std::filesystem::is_directory(folder, error)) {
-        throw RunnerError(ExitCode::kNotFound, "--plugin-path: expected a folder, found " +
-                                                   std::filesystem::absolute(folder).string() +
-                                                   (std::filesystem::exists(folder, error)
-                                                        ? ", a file"
-                                                        : ", which does not exist"));
+        throw Failure(
+            ExitCode::kNotFound,
+            "--plugin-path: expected a folder, found " +
+                std::filesystem::absolute(folder).string() +
+                (std::filesystem::exists(folder, error) ? ", a file" : ", which does not exist"));
       }
       add(folder);
     }
@@ -647,32 +609,6 @@ int DescribePluginMain(const std::string& file) {
   const bool written = WriteAll(kDescribeDescriptor, text);
   // Without exit handlers: the library's own might crash.
   ::_exit(written ? 0 : static_cast<int>(ExitCode::kInputOutput));
-}
-
-std::string Sha256(std::string_view bytes) {
-  Sha256Stream stream;
-  stream.Add(bytes.data(), bytes.size());
-  return stream.Hex();
-}
-
-std::string FileSha256(const std::filesystem::path& file) {
-  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-  const auto fail = [&](int error) {
-    const ExitCode code = error == ENOENT || error == ENOTDIR ? ExitCode::kNotFound
-                          : error == EACCES                   ? ExitCode::kPermission
-                                                              : ExitCode::kInputOutput;
-    throw RunnerError(code, "cannot read " + file.string() + ": " + std::strerror(error));
-  };
-  if (descriptor.get() < 0) fail(errno);
-  Sha256Stream stream;
-  std::vector<char> block(1 << 20);
-  for (;;) {
-    const ssize_t got = ::read(descriptor.get(), block.data(), block.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) fail(errno);
-    if (got == 0) return stream.Hex();
-    stream.Add(block.data(), static_cast<std::size_t>(got));
-  }
 }
 
 }  // namespace dreamsearch

@@ -10,15 +10,14 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "dreamsearch/plugin.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -73,7 +72,8 @@ struct ComponentInfo {
 ParameterInfo DescribeParameter(const ParameterSpec& spec);
 
 nlohmann::json ToJson(const ComponentInfo& component);
-ComponentInfo ComponentInfoFromJson(const nlohmann::json& json);  // throws nlohmann::json::exception
+ComponentInfo ComponentInfoFromJson(
+    const nlohmann::json& json);  // throws nlohmann::json::exception
 
 // A library that is in a folder and cannot be used.
 struct PluginRefusal {
@@ -132,10 +132,5 @@ std::vector<std::filesystem::path> PluginFolders(const std::vector<std::string>&
 // library's destructors. Returns only if that descriptor is not open.
 inline constexpr int kDescribeDescriptor = 3;
 int DescribePluginMain(const std::string& file);
-
-// SHA-256 in hexadecimal. FileSha256 throws RunnerError (kNotFound, kPermission,
-// kInputOutput).
-std::string Sha256(std::string_view bytes);
-std::string FileSha256(const std::filesystem::path& file);
 
 }  // namespace dreamsearch

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -38,14 +38,22 @@ constexpr unsigned char kHostByteOrder =
 
 std::string MachineName(std::uint16_t machine) {
   switch (machine) {
-    case EM_386: return "x86 (32-bit)";
-    case EM_X86_64: return "x86-64";
-    case EM_ARM: return "ARM (32-bit)";
-    case EM_AARCH64: return "AArch64";
-    case EM_RISCV: return "RISC-V";
-    case EM_PPC64: return "PowerPC64";
-    case EM_S390: return "S/390";
-    default: return "machine number " + std::to_string(machine);
+    case EM_386:
+      return "x86 (32-bit)";
+    case EM_X86_64:
+      return "x86-64";
+    case EM_ARM:
+      return "ARM (32-bit)";
+    case EM_AARCH64:
+      return "AArch64";
+    case EM_RISCV:
+      return "RISC-V";
+    case EM_PPC64:
+      return "PowerPC64";
+    case EM_S390:
+      return "S/390";
+    default:
+      return "machine number " + std::to_string(machine);
   }
 }
 
@@ -60,14 +68,14 @@ class File {
       const ExitCode code = error == ENOENT || error == ENOTDIR ? ExitCode::kNotFound
                             : error == EACCES                   ? ExitCode::kPermission
                                                                 : ExitCode::kInputOutput;
-      throw RunnerError(code, "cannot open plugin " + path.string() + ": " + std::strerror(error));
+      throw Failure(code, "cannot open plugin " + path.string() + ": " + std::strerror(error));
     }
     struct stat status;
     if (::fstat(descriptor_, &status) != 0) {
       const int error = errno;
       ::close(descriptor_);
-      throw RunnerError(ExitCode::kInputOutput,
-                        "cannot read plugin " + path.string() + ": " + std::strerror(error));
+      throw Failure(ExitCode::kInputOutput,
+                    "cannot read plugin " + path.string() + ": " + std::strerror(error));
     }
     is_folder_ = S_ISDIR(status.st_mode);
     is_regular_ = S_ISREG(status.st_mode);
@@ -90,8 +98,8 @@ class File {
       const ssize_t got = ::pread(descriptor_, bytes, size, static_cast<off_t>(offset));
       if (got < 0 && errno == EINTR) continue;
       if (got <= 0) {
-        throw RunnerError(ExitCode::kInputOutput, "cannot read plugin " + path_.string() + ": " +
-                                                      (got < 0 ? std::strerror(errno) : "it shrank"));
+        throw Failure(ExitCode::kInputOutput, "cannot read plugin " + path_.string() + ": " +
+                                                  (got < 0 ? std::strerror(errno) : "it shrank"));
       }
       bytes += got;
       offset += static_cast<std::uint64_t>(got);
@@ -108,9 +116,9 @@ class File {
 };
 
 [[noreturn]] void Refuse(const std::filesystem::path& file, const std::string& found) {
-  throw RunnerError(ExitCode::kPluginRefused,
-                    "plugin " + file.string() + ": expected a shared library for " +
-                        MachineName(kHostMachine) + ", found " + found);
+  throw Failure(ExitCode::kPluginRefused, "plugin " + file.string() +
+                                              ": expected a shared library for " +
+                                              MachineName(kHostMachine) + ", found " + found);
 }
 
 // What the first bytes of a file that is not ELF look like.

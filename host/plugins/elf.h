@@ -9,7 +9,7 @@
 
 namespace dreamsearch {
 
-// Throws RunnerError unless `file` is a complete shared library for the machine
+// Throws Failure unless `file` is a complete shared library for the machine
 // this program runs on:
 //   kNotFound       no such file.
 //   kPermission     it cannot be read.

@@ -37,8 +37,10 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
                       name_.c_str(), static_cast<unsigned long long>(rows)));
   }
   if (FirstNotFinite(request.actions.data, request.actions.size()) != request.actions.size()) {
-    return Keep(Error(StatusCode::kNotFinite, "model '%s': Imagine was asked about an action that "
-                      "is not finite", name_.c_str()));
+    return Keep(Error(StatusCode::kNotFinite,
+                      "model '%s': Imagine was asked about an action that "
+                      "is not finite",
+                      name_.c_str()));
   }
   transitions_ += rows;
   const Status status = model_->Imagine(request, result);

@@ -1,5 +1,6 @@
 #include "host/plugins/plugin_loader.h"
 
+#include <boost/dll/shared_library.hpp>
 #include <cfenv>
 #include <cinttypes>
 #include <cmath>
@@ -15,14 +16,13 @@
 #include <utility>
 #include <vector>
 
-#include <boost/dll/shared_library.hpp>
-
 #if defined(__x86_64__)
 #include <xmmintrin.h>
 #endif
 
 #include "host/plugins/elf.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {
@@ -80,7 +80,7 @@ class Checker {
   explicit Checker(const std::filesystem::path& file) : where_("plugin " + file.string()) {}
 
   [[noreturn]] void Refuse(const std::string& message) const {
-    throw RunnerError(ExitCode::kPluginRefused, where_ + ": " + message);
+    throw Failure(ExitCode::kPluginRefused, where_ + ": " + message);
   }
 
   void CheckHeader(const PluginDescriptor& plugin) const {
@@ -192,11 +192,11 @@ class Checker {
     if (required && length == 0) Refuse(what + " is empty");
     for (std::size_t i = 0; i < length;) {
       const auto byte = static_cast<unsigned char>(text[i]);
-      const std::size_t size = byte < 0x80            ? 1
-                               : (byte >> 5) == 0x06  ? 2
-                               : (byte >> 4) == 0x0e  ? 3
-                               : (byte >> 3) == 0x1e  ? 4
-                                                      : 0;
+      const std::size_t size = byte < 0x80           ? 1
+                               : (byte >> 5) == 0x06 ? 2
+                               : (byte >> 4) == 0x0e ? 3
+                               : (byte >> 3) == 0x1e ? 4
+                                                     : 0;
       bool good = size != 0 && i + size <= length && byte >= 0x20 && byte != 0x7f;
       for (std::size_t k = 1; good && k < size; ++k) {
         good = (static_cast<unsigned char>(text[i + k]) & 0xc0) == 0x80;
@@ -373,7 +373,7 @@ std::string OtherEntry(const boost::dll::shared_library& library) {
 struct LoadedPlugin {
   boost::dll::shared_library library;
   const PluginDescriptor* descriptor = nullptr;  // null until it was checked
-  std::optional<RunnerError> refusal;            // a second load gives the same answer
+  std::optional<Failure> refusal;                // a second load gives the same answer
 };
 
 // The dynamic loader's own sentence out of Boost's "... (dlerror system message:
@@ -424,8 +424,7 @@ const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& libr
         (other.empty() ? "no dreamsearch_plugin_*: it is not a dreamsearch plugin"
                        : other + " of another SDK major version; rebuild it against this SDK"));
   }
-  const PluginDescriptor* descriptor =
-      library.get<const PluginDescriptor*()>(kPluginEntrySymbol)();
+  const PluginDescriptor* descriptor = library.get<const PluginDescriptor*()>(kPluginEntrySymbol)();
   CheckPluginDescriptor(descriptor, path);
   return descriptor;
 }
@@ -454,7 +453,7 @@ const PluginDescriptor& LoadPlugin(const std::filesystem::path& file) {
     try {
       plugin.library = LoadLibrary(path, guard);
       plugin.descriptor = CheckedDescriptor(plugin.library, path);
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       plugin.refusal = error;
       throw;
     }
@@ -473,9 +472,9 @@ const ComponentDescriptor& FindComponent(const PluginDescriptor& plugin, Compone
     }
     known.push_back(component.name);
   }
-  throw RunnerError(ExitCode::kNotFound, std::string("no ") + ComponentKindName(kind) + " '" +
-                                             std::string(name) + "' in plugin " + plugin.name +
-                                             ". " + KnownNames(name, known));
+  throw Failure(ExitCode::kNotFound, std::string("no ") + ComponentKindName(kind) + " '" +
+                                         std::string(name) + "' in plugin " + plugin.name + ". " +
+                                         KnownNames(name, known));
 }
 
 }  // namespace dreamsearch

@@ -6,7 +6,7 @@
 // Memory   a library stays loaded until the process exits; what is returned
 //          lives as long.
 // Threads  calls may come from several threads; they are serialised.
-// Errors   RunnerError. The message names the file, what was expected and what
+// Errors   Failure. The message names the file, what was expected and what
 //          was found.
 #pragma once
 

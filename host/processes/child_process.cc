@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 extern char** environ;
 
@@ -18,16 +18,10 @@ namespace dreamsearch {
 namespace {
 
 [[noreturn]] void ThrowErrno(const char* what, int error) {
-  throw RunnerError(ExitCode::kInternal, std::string("cannot ") + what + ": " +
-                                             std::strerror(error));
+  throw Failure(ExitCode::kInternal, std::string("cannot ") + what + ": " + std::strerror(error));
 }
 
 }  // namespace
-
-void Descriptor::Close() {
-  if (fd_ >= 0) ::close(fd_);
-  fd_ = -1;
-}
 
 Pipe MakePipe() {
   int ends[2];
@@ -83,8 +77,8 @@ pid_t StartChild(const ChildSpec& spec) {
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &defaults);
   posix_spawnattr_setpgroup(&attributes, 0);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK |
-                                            POSIX_SPAWN_SETSIGDEF);
+  posix_spawnattr_setflags(&attributes,
+                           POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
   pid_t pid = -1;
   const int error =
       ::posix_spawn(&pid, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
@@ -100,35 +94,6 @@ std::string DescribeWaitStatus(int status) {
     return "signal " + std::to_string(signal) + " (" + ::strsignal(signal) + ")";
   }
   return "exit status " + std::to_string(WEXITSTATUS(status));
-}
-
-std::string ReadAll(int fd) {
-  std::string text;
-  char buffer[65536];
-  for (;;) {
-    const ssize_t got = ::read(fd, buffer, sizeof buffer);
-    if (got > 0) {
-      text.append(buffer, static_cast<std::size_t>(got));
-    } else if (got == 0) {
-      return text;
-    } else if (errno != EINTR) {
-      throw RunnerError(ExitCode::kInputOutput, std::string("cannot read: ") +
-                                                    std::strerror(errno));
-    }
-  }
-}
-
-bool WriteAll(int fd, const std::string& text) {
-  std::size_t written = 0;
-  while (written < text.size()) {
-    const ssize_t now = ::write(fd, text.data() + written, text.size() - written);
-    if (now >= 0) {
-      written += static_cast<std::size_t>(now);
-    } else if (errno != EINTR) {
-      return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace dreamsearch

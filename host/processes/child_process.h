@@ -10,32 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "results/system/descriptor.h"
+
 namespace dreamsearch {
-
-// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() { Close(); }
-  Descriptor(Descriptor&& other) noexcept : fd_(other.Release()) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    if (this != &other) {
-      Close();
-      fd_ = other.Release();
-    }
-    return *this;
-  }
-  int get() const { return fd_; }
-  int Release() {
-    const int fd = fd_;
-    fd_ = -1;
-    return fd;
-  }
-  void Close();
-
- private:
-  int fd_;
-};
 
 struct Pipe {
   Descriptor read;   // non-blocking
@@ -54,21 +31,15 @@ inline constexpr int kThreadsDescriptor = 4;
 
 struct ChildSpec {
   std::vector<std::string> arguments;  // after the program's name
-  int input = -1;   // its standard input; -1: /dev/null
-  int log = -1;     // its standard output and error; -1: /dev/null
-  int report = -1;  // its kReportDescriptor
-  int threads = -1;  // its kThreadsDescriptor; -1: none
+  int input = -1;                      // its standard input; -1: /dev/null
+  int log = -1;                        // its standard output and error; -1: /dev/null
+  int report = -1;                     // its kReportDescriptor
+  int threads = -1;                    // its kThreadsDescriptor; -1: none
 };
-// Throws RunnerError 70 if the system cannot start it.
+// Throws Failure 70 if the system cannot start it.
 pid_t StartChild(const ChildSpec& spec);
 
 // "exit status 3", "signal 11 (Segmentation fault)".
 std::string DescribeWaitStatus(int status);
-
-// Reads a descriptor to its end. Throws RunnerError 74.
-std::string ReadAll(int fd);
-
-// Writes all of `text`; false if the reader is gone.
-bool WriteAll(int fd, const std::string& text);
 
 }  // namespace dreamsearch

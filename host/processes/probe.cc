@@ -10,8 +10,9 @@
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
 #include "host/processes/question.h"
-#include "host/training/replay.h"
 #include "host/settings/schedule.h"
+#include "host/training/replay.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -217,7 +218,7 @@ std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {
     if (added) {
       try {
         entry->second = ProbeRun(spec, ProbeDepth::kComponents, kProbeTimeoutSeconds).task;
-      } catch (const RunnerError& error) {
+      } catch (const Failure& error) {
         if (error.code() == ExitCode::kUsage) throw;
         entry->second = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
       }

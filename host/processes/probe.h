@@ -7,15 +7,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "results/database/database.h"
 #include "host/settings/settings.h"
+#include "results/database/database.h"
 
 namespace dreamsearch {
 
 // Seconds of the pieces a run is made of, measured here and now, and bytes.
 struct RunCosts {
   double environment_step = 0;
-  double training_decision = 0;  // posterior update and exploring search
+  double training_decision = 0;           // posterior update and exploring search
   double search_evaluation_decision = 0;  // its share, beside the other episodes
   double actor_evaluation_decision = 0;
   double update = 0;
@@ -44,12 +44,12 @@ enum class ProbeDepth {
 // What every command grants a probe.
 inline constexpr double kProbeTimeoutSeconds = 120;
 
-// Throws RunnerError with the child's message and exit code; 71 if it crashed or
+// Throws Failure with the child's message and exit code; 71 if it crashed or
 // took longer than `timeout_seconds` of wall time.
 ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds);
 
 // The tasks of a sweep, one a spec. Makes the components of every configuration once, so
-// that nothing is written for settings that do not go together: throws RunnerError 2 for
+// that nothing is written for settings that do not go together: throws Failure 2 for
 // those, and what ProbeRun throws for an environment. Another fault of a model or a planner
 // is left to cost its own run.
 std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs);

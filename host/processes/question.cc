@@ -13,7 +13,7 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "host/system/error.h"
+#include "results/system/descriptor.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 
@@ -54,19 +54,19 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
   while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
   }
   if (timed_out) {
-    throw RunnerError(ExitCode::kPluginCrashed,
-                      "the components of " + question.who + " did not answer within " +
-                          std::to_string(static_cast<int>(question.timeout_seconds)) + " s");
+    throw Failure(ExitCode::kPluginCrashed,
+                  "the components of " + question.who + " did not answer within " +
+                      std::to_string(static_cast<int>(question.timeout_seconds)) + " s");
   }
   nlohmann::json answer = results::ParseJsonOrDiscard(text);
   if (answer.is_object() && answer.contains("error")) {
-    throw RunnerError(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
-                      answer["error"].get<std::string>());
+    throw Failure(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
+                  answer["error"].get<std::string>());
   }
   if (!answer.is_object() || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw RunnerError(ExitCode::kPluginCrashed, "`runner " + question.command +
-                                                    "` with the components of " + question.who +
-                                                    " ended with " + DescribeWaitStatus(status));
+    throw Failure(ExitCode::kPluginCrashed, "`runner " + question.command +
+                                                "` with the components of " + question.who +
+                                                " ended with " + DescribeWaitStatus(status));
   }
   return answer;
 }
@@ -82,10 +82,8 @@ int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answe
   };
   try {
     text = answer(results::ParseJson(ReadAll(0)));
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     fail(error.what(), error.exit_status());
-  } catch (const results::Error& error) {
-    fail(error.what(), error.exit_code());
   } catch (const nlohmann::json::exception& error) {
     fail(std::string("this command is started by `runner` itself: ") + error.what(),
          static_cast<int>(ExitCode::kInternal));

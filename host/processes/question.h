@@ -17,7 +17,7 @@ struct Question {
   bool show_messages = false;  // the child's standard error is ours
 };
 
-// The answer. Throws RunnerError with the child's message and exit code; 71 if it
+// The answer. Throws Failure with the child's message and exit code; 71 if it
 // crashed or took longer than the timeout.
 nlohmann::json Ask(const Question& question, const nlohmann::json& content);
 

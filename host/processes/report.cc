@@ -49,7 +49,8 @@ std::optional<Report> DecodeReport(const std::string& line) {
     report.kind = Report::Kind::kProgress;
     report.stage = *stage;
     const auto step = json.find("env_step");
-    if (step != json.end() && step->is_number_unsigned()) report.env_step = step->get<std::uint64_t>();
+    if (step != json.end() && step->is_number_unsigned())
+      report.env_step = step->get<std::uint64_t>();
     report.training_return = NumberOrNaN(json, "training_return");
     report.evaluation_return = NumberOrNaN(json, "evaluation_return");
     const auto decisions = json.find("decisions");

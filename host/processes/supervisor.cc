@@ -22,10 +22,12 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "host/processes/cores.h"
-#include "host/commands/progress.h"
+#include "host/processes/rate_meter.h"
 #include "host/processes/report.h"
 #include "host/processes/thread_grant.h"
+#include "host/settings/cores.h"
+#include "results/system/descriptor.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -51,7 +53,7 @@ class StopSignals {
  public:
   StopSignals() {
     stop_signals = 0;
-    struct sigaction action{};
+    struct sigaction action {};
     action.sa_handler = OnStopSignal;
     for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &action, &before_[i]);
   }
@@ -110,7 +112,7 @@ struct ActiveRun {
   double processor_at_report = 0;
   std::uint64_t decisions = 1;  // side by side since then
   RateMeter rate;
-  ProgressDisplay::Line line;
+  ActiveLine line;
   std::string error;
   bool done = false;
   // Why the supervisor asked it to end with a checkpoint, if it did, and when.
@@ -132,8 +134,9 @@ struct Ending {
 
 class Sweep {
  public:
-  Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs)
-      : database_(database), options_(options), jobs_(std::move(jobs)) {
+  Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs,
+        SweepObserver* observer)
+      : database_(database), options_(options), jobs_(std::move(jobs)), observer_(observer) {
     result_.statuses.assign(jobs_.size(), results::RunStatus::kQueued);
     exit_codes_.assign(jobs_.size(), 0);
     for (const SweepJob& job : jobs_) {
@@ -158,7 +161,7 @@ class Sweep {
       if (stop_signals > 0 && !stopping_) {
         stopping_ = true;
         if (!active_.empty()) {
-          display_.Say("stopping: waiting for checkpoints (again to stop at once)");
+          observer_->Say("stopping: waiting for checkpoints (again to stop at once)");
         }
         for (const auto& [index, run] : active_) Ask(run.get(), ActiveRun::Asked::kStop);
       } else if (stop_signals > 1 && !stopped_at_once_) {
@@ -179,15 +182,15 @@ class Sweep {
     }
     RecordAgain();
     for (const Ending& ending : unrecorded_) {
-      display_.Say("could not be recorded in " + database_->path() + ": " + Describe(ending));
+      observer_->Say("could not be recorded in " + database_->path() + ": " + Describe(ending));
     }
     if (stopping_) {
       result_.exit_status = static_cast<int>(ExitCode::kInterrupted);
     } else if (!unrecorded_.empty()) {
       result_.exit_status = static_cast<int>(ExitCode::kInputOutput);
     } else {
-      const auto bad = std::find_if(exit_codes_.begin(), exit_codes_.end(),
-                                    [](int code) { return code != 0; });
+      const auto bad =
+          std::find_if(exit_codes_.begin(), exit_codes_.end(), [](int code) { return code != 0; });
       result_.exit_status = bad == exit_codes_.end() ? 0 : *bad;
     }
     return std::move(result_);
@@ -198,10 +201,10 @@ class Sweep {
   void Start(std::size_t index) {
     try {
       StartUnlessTaken(index);
-    } catch (const results::Error& error) {
-      exit_codes_[index] = error.exit_code();
+    } catch (const Failure& error) {
+      exit_codes_[index] = error.exit_status();
       ++ended_;
-      display_.Say("not started " + jobs_[index].label + ": " + error.what());
+      observer_->Say("not started " + jobs_[index].label + ": " + error.what());
     }
   }
 
@@ -241,8 +244,8 @@ class Sweep {
       const Descriptor log(
           ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
       if (log.get() < 0) {
-        throw RunnerError(errno == EACCES ? ExitCode::kPermission : ExitCode::kCannotCreate,
-                          "cannot create " + log_path.string() + ": " + std::strerror(errno));
+        throw Failure(errno == EACCES ? ExitCode::kPermission : ExitCode::kCannotCreate,
+                      "cannot create " + log_path.string() + ": " + std::strerror(errno));
       }
       Pipe pipe = MakePipe();
       const Descriptor input = MemoryFile(EncodeJob(job.work));
@@ -256,7 +259,7 @@ class Sweep {
       child.threads = threads.get();
       run->pid = StartChild(child);
       run->reports = std::move(pipe.read);
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       SetStatus(*run, results::RunStatus::kFailed, error.exit_status(), error.what());
       return;
     } catch (const std::exception& error) {
@@ -276,7 +279,7 @@ class Sweep {
     run->rate = RateMeter(job.work.spec.evaluation ? 1 : 1000);
     run->line.training_return = std::numeric_limits<double>::quiet_NaN();
     run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
-    display_.Say("started " + job.label);
+    observer_->Say("started " + job.label);
     active_[index] = std::move(run);
   }
 
@@ -476,10 +479,10 @@ class Sweep {
       if (const auto known = database_->GetRun(job.work.run_id)) {
         result_.statuses[index] = known->status;
       }
-    } catch (const results::Error&) {  // the status is for the summary only
+    } catch (const Failure&) {  // the status is for the summary only
     }
     ++ended_;
-    display_.Say("left alone " + job.label + ": " + why);
+    observer_->Say("left alone " + job.label + ": " + why);
   }
 
   void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
@@ -497,14 +500,14 @@ class Sweep {
         LeaveAlone(run.index, "another process has gone on with it or deleted it");
         return;
       }
-    } catch (const results::Error& problem) {
+    } catch (const Failure& problem) {
       unrecorded_.push_back(ending);
-      display_.Say("cannot record yet what became of " + job.label + ": " + problem.what());
+      observer_->Say("cannot record yet what became of " + job.label + ": " + problem.what());
     }
     result_.statuses[run.index] = status;
     exit_codes_[run.index] = exit_code;
     ++ended_;
-    display_.Say(Describe(ending));
+    observer_->Say(Describe(ending));
   }
 
   std::string Describe(const Ending& ending) const {
@@ -537,7 +540,7 @@ class Sweep {
     tried_to_record_ = ActivityClock::Now();
     try {
       for (; !unrecorded_.empty(); unrecorded_.pop_front()) Record(unrecorded_.front());
-    } catch (const results::Error&) {  // the others would meet the same
+    } catch (const Failure&) {  // the others would meet the same
     }
   }
 
@@ -545,15 +548,15 @@ class Sweep {
     const double now = ActivityClock::Now();
     if (now - last_shown_ < 0.25) return;
     last_shown_ = now;
-    std::map<std::size_t, ProgressDisplay::Line> lines;
+    std::map<std::size_t, ActiveLine> lines;
     double active_left = 0;
     double rate = 0;
     for (const auto& [index, run] : active_) {
       lines[index] = run->line;
       if (run->line.rate > 0) {
-        active_left = std::max(active_left, static_cast<double>(run->line.env_steps_target -
-                                                                run->line.env_step) /
-                                                run->line.rate);
+        active_left = std::max(
+            active_left,
+            static_cast<double>(run->line.env_steps_target - run->line.env_step) / run->line.rate);
         rate += run->line.rate;
       }
     }
@@ -567,7 +570,7 @@ class Sweep {
     if (rate > 0) {
       summary += ", about " + FormatDuration(active_left + waiting_steps / rate) + " left";
     }
-    display_.Show(lines, summary);
+    observer_->Show(lines, summary);
   }
 
   results::Database* database_;
@@ -581,7 +584,7 @@ class Sweep {
   std::deque<Ending> unrecorded_;
   double tried_to_record_ = 0;
   SweepResult result_;
-  ProgressDisplay display_;
+  SweepObserver* observer_;
   CoreSharing sharing_;
   bool shared_ = false;  // since a run began or ended
   double shared_at_ = 0;
@@ -598,8 +601,8 @@ int FailureCode(const results::RunInfo& run) {
 }
 
 SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
-                     std::vector<SweepJob> jobs) {
-  return Sweep(database, options, std::move(jobs)).Run();
+                     std::vector<SweepJob> jobs, SweepObserver* observer) {
+  return Sweep(database, options, std::move(jobs), observer).Run();
 }
 
 }  // namespace dreamsearch

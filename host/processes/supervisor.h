@@ -1,6 +1,6 @@
 // supervisor.h - runs a sweep, one worker process a run.
 //
-// The supervisor loads no plugin. It starts workers, shows their progress, ends
+// The supervisor loads no plugin. It starts workers, tells how they get on, ends
 // those that hang or overstay, and writes every run's final status. A worker that
 // crashes, hangs or eats memory costs its run, never the sweep.
 //
@@ -11,13 +11,15 @@
 //          --hang-timeout if that is shorter) is killed.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
-#include "host/system/error.h"
-#include "results/database/database.h"
-#include "host/settings/run_options.h"
 #include "host/processes/worker.h"
+#include "host/settings/run_options.h"
+#include "results/database/database.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -34,10 +36,32 @@ struct SweepResult {
   int exit_status = 0;
 };
 
+// What is told about a run that is active.
+struct ActiveLine {
+  std::string label;  // "walker_walk mcts_pw seed 0"
+  std::string stage;
+  std::uint64_t env_step = 0;
+  std::uint64_t env_steps_target = 0;
+  double rate = 0;               // environment steps per second; 0: unknown
+  double training_return = 0;    // NaN: none yet
+  double evaluation_return = 0;  // NaN: none yet
+  std::uint32_t threads = 1;     // that it may use
+};
+
+// Where a sweep tells how it gets on; the command draws it.
+class SweepObserver {
+ public:
+  virtual ~SweepObserver() = default;
+  // The active runs by their place among the jobs, and a line about the whole sweep.
+  virtual void Show(const std::map<std::size_t, ActiveLine>& lines, const std::string& summary) = 0;
+  // A message that stays.
+  virtual void Say(const std::string& message) = 0;
+};
+
 // The exit code stored with a run's failure.
 int FailureCode(const results::RunInfo& run);
 
 SweepResult RunSweep(results::Database* database, const ProcessOptions& options,
-                     std::vector<SweepJob> jobs);
+                     std::vector<SweepJob> jobs, SweepObserver* observer);
 
 }  // namespace dreamsearch

@@ -8,10 +8,11 @@
 
 #include "host/plugins/catalogue.h"
 #include "host/saving/checkpoint.h"
-#include "host/system/provenance.h"
-#include "results/system/json_text.h"
+#include "host/training/provenance.h"
 #include "host/training/resumption.h"
-#include "host/system/whole_file.h"
+#include "results/system/file.h"
+#include "results/system/json_text.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -103,15 +104,14 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
       return other_plugin(changed);
     }
     recorded = true;
-  } catch (const RunnerError&) {
+  } catch (const Failure&) {
     // No readable run.json: its process was killed before it was there. It is written anew.
   }
   try {
     const Resumption resumption = FindResumption(
         database, run, spec, folder, replace ? CheckpointPart::kWhole : CheckpointPart::kOutline);
     if (!resumption.checkpoint) return std::nullopt;
-    const nlohmann::json header =
-        results::ParseJson(resumption.checkpoint->sections.at("header"));
+    const nlohmann::json header = results::ParseJson(resumption.checkpoint->sections.at("header"));
     if (!recorded) {
       const std::string changed =
           ChangedPlugin(header.value("plugins", nlohmann::json::object()), spec);
@@ -121,7 +121,7 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
       return Obstacle{ExitCode::kPluginRefused,
                       "its checkpoint was made with another instruction set"};
     }
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return Obstacle{error.code(), error.what()};
   }
   return std::nullopt;
@@ -154,7 +154,7 @@ void ClearOwnFolder(const std::filesystem::path& folder) {
     if (!error) std::filesystem::remove(path, error);
   }
   if (!error) return;
-  throw RunnerError(
+  throw Failure(
       error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kInputOutput,
       "cannot clear the folder " + folder.string() +
           ", so the run is not started over: " + error.message());
@@ -184,7 +184,7 @@ void WriteSpec(const WorkerJob& work) {
   std::error_code error;
   std::filesystem::create_directories(work.folder, error);
   if (error) {
-    throw RunnerError(
+    throw Failure(
         error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kCannotCreate,
         "cannot create the folder " + work.folder.string() + ": " + error.message());
   }
@@ -243,14 +243,14 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
         run.note = "another process is working on it";
       } else if (failed && !options.retry) {
         run.action = Action::kSkipFailed;
-        run.note = std::string(results::RunStatusName(found->status)) + " before (" +
-                   found->error + "); --retry runs it again";
+        run.note = std::string(results::RunStatusName(found->status)) + " before (" + found->error +
+                   "); --retry runs it again";
       } else if (const auto obstacle = ObstacleOf(database, *found, spec, options.replace);
                  !obstacle) {
         run.action = Action::kResume;
-        run.note = spec.evaluation ? "from its last recorded episode"
-                                   : "from environment step " +
-                                         std::to_string(found->env_steps_done);
+        run.note = spec.evaluation
+                       ? "from its last recorded episode"
+                       : "from environment step " + std::to_string(found->env_steps_done);
       } else {
         run.action = options.replace ? Action::kStartOver : Action::kRefused;
         run.note = obstacle->why;
@@ -336,7 +336,7 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   const std::filesystem::path path = folder / kSpecFile;
   if (!std::filesystem::exists(path)) {
     const bool finished = run.status == results::RunStatus::kFinished;
-    throw RunnerError(
+    throw Failure(
         ExitCode::kNotFound,
         "the files of run " + std::to_string(run.run_id) + " are gone: expected " + path.string() +
             ". Put the folder " + folder.string() + " back from where " + database->path() +
@@ -348,17 +348,16 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   }
   try {
     return RunSpecFromJson(ReadSpec(folder));
-  } catch (const RunnerError& error) {
-    throw RunnerError(ExitCode::kBadInput, "run " + std::to_string(run.run_id) + ": " +
-                                               path.string() +
-                                               " is not what `runner` wrote: " + error.what());
+  } catch (const Failure& error) {
+    throw Failure(ExitCode::kBadInput, "run " + std::to_string(run.run_id) + ": " + path.string() +
+                                           " is not what `runner` wrote: " + error.what());
   }
 }
 
 std::string ChangedFile(const RunSpec& spec) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& plugin = component->info->plugin;
-    const std::string now = FileSha256(plugin.path);
+    const std::string now = Sha256HexOfFile(plugin.path);
     if (now != plugin.sha256) {
       return plugin.path + " (SHA-256 " + plugin.sha256.substr(0, 12) + " then, " +
              now.substr(0, 12) + " now)";
@@ -377,10 +376,10 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run) {
   const RunSpec spec = RecordedSpec(database, run);
   if (const std::string changed = ChangedFile(spec); !changed.empty()) {
-    throw RunnerError(ExitCode::kPluginRefused,
-                      "run " + std::to_string(run.run_id) + " was begun with another " + changed +
-                          ". Give its command again with --replace to start it over, or with "
-                          "another --study");
+    throw Failure(ExitCode::kPluginRefused,
+                  "run " + std::to_string(run.run_id) + " was begun with another " + changed +
+                      ". Give its command again with --replace to start it over, or with "
+                      "another --study");
   }
   FindResumption(database, run, spec, database->RunFolder(run), CheckpointPart::kOutline);
   return JobFor(database, options, spec, run);

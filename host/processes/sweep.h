@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "host/system/error.h"
 #include "host/processes/probe.h"
-#include "results/database/database.h"
+#include "host/processes/supervisor.h"
 #include "host/settings/run_options.h"
 #include "host/settings/settings.h"
-#include "host/processes/supervisor.h"
+#include "results/database/database.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -37,8 +37,8 @@ bool IsWork(Action action);
 struct PlannedRun {
   RunSpec spec;
   Action action = Action::kStart;
-  std::int64_t run_id = 0;  // 0: not recorded yet
-  std::string note;         // why it is left alone or starts over, or what it goes on from
+  std::int64_t run_id = 0;           // 0: not recorded yet
+  std::string note;                  // why it is left alone or starts over, or what it goes on from
   ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with
 };
 
@@ -63,7 +63,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
                                   const std::vector<results::TaskInfo>& tasks,
                                   const std::vector<std::string>& argv);
 
-// What a recorded run was to do, from the run.json in its folder. Throws RunnerError
+// What a recorded run was to do, from the run.json in its folder. Throws Failure
 // 66 if that is gone, 65 if it is not what `runner` wrote.
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 

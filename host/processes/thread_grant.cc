@@ -7,7 +7,8 @@
 #include <new>
 #include <string>
 
-#include "host/system/error.h"
+#include "results/system/descriptor.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -27,8 +28,8 @@ void ThreadGrant::Map(int descriptor) {
   void* memory =
       ::mmap(nullptr, sizeof *threads_, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
   if (memory == MAP_FAILED) {
-    throw RunnerError(ExitCode::kInternal,
-                      std::string("cannot map the number of threads: ") + std::strerror(errno));
+    throw Failure(ExitCode::kInternal,
+                  std::string("cannot map the number of threads: ") + std::strerror(errno));
   }
   threads_ = static_cast<std::atomic<std::uint32_t>*>(memory);
 }

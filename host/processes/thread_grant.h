@@ -10,15 +10,16 @@
 #include <utility>
 
 #include "host/processes/child_process.h"
+#include "results/system/descriptor.h"
 
 namespace dreamsearch {
 
 class ThreadGrant {
  public:
-  // Of one thread. Throws RunnerError 70.
+  // Of one thread. Throws Failure 70.
   ThreadGrant();
   // What is behind the descriptor that a supervisor has handed down, which is closed.
-  // Throws RunnerError 70 if that is no grant.
+  // Throws Failure 70 if that is no grant.
   explicit ThreadGrant(int descriptor);
   ~ThreadGrant();
   ThreadGrant(const ThreadGrant&) = delete;

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <set>
 
+#include "host/processes/sweep.h"
 #include "host/saving/checkpoint.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
-#include "host/processes/sweep.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 
@@ -19,16 +21,16 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
   TrainedRun found;
   found.info = database->GetRun(run);
   if (found.info.parent_run_id) {
-    throw RunnerError(ExitCode::kUsage,
-                      "run " + std::to_string(found.info.run_id) +
-                          " is an evaluation and trained nothing; the trained run is " +
-                          std::to_string(*found.info.parent_run_id));
+    throw Failure(ExitCode::kUsage,
+                  "run " + std::to_string(found.info.run_id) +
+                      " is an evaluation and trained nothing; the trained run is " +
+                      std::to_string(*found.info.parent_run_id));
   }
   found.spec = RecordedSpec(database, found.info);
   if (found.spec.evaluation) {
-    throw RunnerError(ExitCode::kUsage, "run " + std::to_string(found.info.run_id) +
-                                            " is an evaluation of an untrained model; `runner "
-                                            "status` lists the trained runs");
+    throw Failure(ExitCode::kUsage, "run " + std::to_string(found.info.run_id) +
+                                        " is an evaluation of an untrained model; `runner "
+                                        "status` lists the trained runs");
   }
   const std::string name = RunName(found);
   const std::string folder = database->RunFolder(found.info);
@@ -41,13 +43,13 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
       }
       return WhyUnfit(database, found.info, found.spec, sections);
     });
-  } catch (const RunnerError& error) {
-    throw RunnerError(error.code(), name + ": " + error.what());
+  } catch (const Failure& error) {
+    throw Failure(error.code(), name + ": " + error.what());
   }
   if (!loaded) {
-    throw RunnerError(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
-                                               results::RunStatusName(found.info.status) + ") in " +
-                                               folder);
+    throw Failure(ExitCode::kNotFound, name + " has no checkpoint yet (it is " +
+                                           results::RunStatusName(found.info.status) + ") in " +
+                                           folder);
   }
   found.checkpoint = loaded->path;
   for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
@@ -58,7 +60,7 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
                              " was made by an older runner and does not say of which rows it is");
   }
   found.env_step = static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
-  found.agent_sha256 = Sha256(loaded->sections["model"]);
+  found.agent_sha256 = Sha256Hex(loaded->sections["model"]);
 
   std::vector<std::string> folders = plugin_path;
   for (const ResolvedComponent* component : ComponentsOf(found.spec)) {

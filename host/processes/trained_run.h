@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "host/plugins/catalogue.h"
-#include "results/database/database.h"
 #include "host/settings/settings.h"
+#include "results/database/database.h"
 
 namespace dreamsearch {
 

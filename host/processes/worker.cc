@@ -20,15 +20,18 @@
 
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
+#include "host/processes/report.h"
+#include "host/processes/thread_grant.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
-#include "host/system/provenance.h"
-#include "host/processes/report.h"
-#include "results/database/database.h"
-#include "results/system/json_text.h"
-#include "results/database/run_writer.h"
+#include "host/training/provenance.h"
 #include "host/training/resumption.h"
-#include "host/processes/thread_grant.h"
+#include "results/database/database.h"
+#include "results/database/run_writer.h"
+#include "results/system/descriptor.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -41,7 +44,7 @@ std::atomic<bool> stop_requested{false};
 void OnStopSignal(int) { stop_requested = true; }
 
 void CatchStopSignals() {
-  struct sigaction action{};
+  struct sigaction action {};
   action.sa_handler = OnStopSignal;
   action.sa_flags = SA_RESTART;
   for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP}) ::sigaction(signal, &action, nullptr);
@@ -59,14 +62,13 @@ std::filesystem::path LockPath(const std::filesystem::path& folder) { return fol
 Descriptor LockRun(const std::filesystem::path& folder) {
   Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (lock.get() < 0) {
-    throw RunnerError(ExitCode::kCannotCreate, "cannot create " + LockPath(folder).string() +
-                                                   ": " + std::strerror(errno));
+    throw Failure(ExitCode::kCannotCreate,
+                  "cannot create " + LockPath(folder).string() + ": " + std::strerror(errno));
   }
   for (int attempt = 0; ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0; ++attempt) {
     if (attempt == kLockAttempts) {
-      throw RunnerError(ExitCode::kInputOutput,
-                        "another process is working on this run: " + LockPath(folder).string() +
-                            " is locked");
+      throw Failure(ExitCode::kInputOutput, "another process is working on this run: " +
+                                                LockPath(folder).string() + " is locked");
     }
     std::this_thread::sleep_for(kLockPause);
   }
@@ -77,38 +79,39 @@ Descriptor LockRun(const std::filesystem::path& folder) {
 void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
                  const std::filesystem::path& path) {
   const auto found = sections.find("header");
-  const nlohmann::json stored = results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
+  const nlohmann::json stored =
+      results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
   const nlohmann::json expected = results::ParseJson(CheckpointHeader(job.spec, ""));
   if (!stored.is_object()) {
-    throw RunnerError(ExitCode::kBadInput, path.string() + " has no readable header");
+    throw Failure(ExitCode::kBadInput, path.string() + " has no readable header");
   }
   for (const char* key : {"configuration", "seed", "plugins"}) {
     if (stored.value(key, nlohmann::json()) != expected[key]) {
-      throw RunnerError(ExitCode::kPluginRefused,
-                        path.string() + " was made with another " + key + ": it has " +
-                            results::JsonText(stored.value(key, nlohmann::json())) + ", this run " +
-                            results::JsonText(expected[key]) +
-                            ". Use the old one, another --study, or --replace to start over");
+      throw Failure(ExitCode::kPluginRefused,
+                    path.string() + " was made with another " + key + ": it has " +
+                        results::JsonText(stored.value(key, nlohmann::json())) + ", this run " +
+                        results::JsonText(expected[key]) +
+                        ". Use the old one, another --study, or --replace to start over");
     }
   }
   if (stored.value("instruction_set", "") != InstructionSetInUse() && !job.force) {
-    throw RunnerError(ExitCode::kPluginRefused,
-                      path.string() + " was made with the instruction set " +
-                          stored.value("instruction_set", "?") + ", this process has " +
-                          InstructionSetInUse() +
-                          "; the bits would differ. Resume on the old kind of machine, or go on "
-                          "with `runner resume --force`");
+    throw Failure(ExitCode::kPluginRefused,
+                  path.string() + " was made with the instruction set " +
+                      stored.value("instruction_set", "?") + ", this process has " +
+                      InstructionSetInUse() +
+                      "; the bits would differ. Resume on the old kind of machine, or go on "
+                      "with `runner resume --force`");
   }
 }
 
 void CheckPluginFiles(const RunSpec& spec) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& plugin = component->info->plugin;
-    const std::string now = FileSha256(plugin.path);
+    const std::string now = Sha256HexOfFile(plugin.path);
     if (now != plugin.sha256) {
-      throw RunnerError(ExitCode::kPluginRefused,
-                        plugin.path + " changed since it was described: expected SHA-256 " +
-                            plugin.sha256 + ", found " + now);
+      throw Failure(ExitCode::kPluginRefused,
+                    plugin.path + " changed since it was described: expected SHA-256 " +
+                        plugin.sha256 + ", found " + now);
     }
   }
 }
@@ -147,8 +150,7 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   const auto database = results::Database::OpenExisting(job.db);
   const std::optional<results::RunInfo> run = database->GetRun(job.run_id);
   if (!run) {
-    throw RunnerError(ExitCode::kNotFound,
-                      job.db + ": there is no run " + std::to_string(job.run_id));
+    throw Failure(ExitCode::kNotFound, job.db + ": there is no run " + std::to_string(job.run_id));
   }
   auto [loaded, point] =
       FindResumption(database.get(), *run, job.spec, job.folder, CheckpointPart::kWhole);
@@ -213,7 +215,7 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
     Send(report);
     std::cerr << "finished, result digest " << report.result_digest << "\n";
     return 0;
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     const std::int64_t env_step =
         ready ? static_cast<std::int64_t>(procedure->env_step()) : point.env_step;
     const char* reason = error.code() == ExitCode::kDiverged ? "diverged" : "failed";
@@ -256,9 +258,10 @@ WorkerJob DecodeJob(const std::string& text) {
     job.force = json.at("force");
     return job;
   } catch (const nlohmann::json::exception& error) {
-    throw RunnerError(ExitCode::kInternal,
-                      std::string("a worker is started by `runner` and takes its job on standard "
-                                  "input: ") + error.what());
+    throw Failure(ExitCode::kInternal,
+                  std::string("a worker is started by `runner` and takes its job on standard "
+                              "input: ") +
+                      error.what());
   }
 }
 
@@ -277,10 +280,8 @@ int WorkerMain() {
   try {
     const WorkerJob job = DecodeJob(ReadAll(0));
     return Work(job, ThreadGrant(kThreadsDescriptor));
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return fail(error.exit_status(), error.what());
-  } catch (const results::Error& error) {
-    return fail(error.exit_code(), error.what());
   } catch (const std::bad_alloc&) {
     return fail(static_cast<int>(ExitCode::kInternal),
                 "out of memory; raise --memory-limit, or lower run.replay_capacity or --jobs");

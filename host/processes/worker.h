@@ -16,7 +16,7 @@ namespace dreamsearch {
 
 struct WorkerJob {
   RunSpec spec;
-  std::string db;                // absolute path
+  std::string db;  // absolute path
   std::int64_t run_id = 0;
   std::filesystem::path folder;  // the run's: checkpoints, log, dumps
   // Of an evaluation of a trained run: that run's checkpoint.

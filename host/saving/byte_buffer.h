@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "dreamsearch/stream.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -90,8 +90,8 @@ class ByteReader {
     return at;
   }
   [[noreturn]] void Fail(const std::string& expected, const std::string& found) const {
-    throw RunnerError(ExitCode::kBadInput,
-                      "damaged " + what_ + ": expected " + expected + ", found " + found);
+    throw Failure(ExitCode::kBadInput,
+                  "damaged " + what_ + ": expected " + expected + ", found " + found);
   }
 
   const std::string& bytes_;

@@ -1,7 +1,5 @@
 #include "host/saving/checkpoint.h"
 
-#include <openssl/sha.h>
-
 #include <algorithm>
 #include <array>
 #include <cinttypes>
@@ -10,8 +8,9 @@
 #include <fstream>
 #include <string_view>
 
-#include "host/system/error.h"
-#include "host/system/whole_file.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -19,15 +18,14 @@ namespace {
 constexpr char kMagic[8] = {'D', 'S', 'C', 'K', 'P', 'T', '\0', '\1'};
 constexpr char kEnd[] = "end";
 
-using Digest = std::array<unsigned char, SHA256_DIGEST_LENGTH>;
+using Digest = std::array<unsigned char, Sha256::kBytes>;
 
 Digest SectionDigest(const std::string& name, const char* data, std::size_t size) {
-  Digest digest;
-  std::string framed = name;
-  framed.push_back('\0');
-  framed.append(data, size);
-  SHA256(reinterpret_cast<const unsigned char*>(framed.data()), framed.size(), digest.data());
-  return digest;
+  Sha256 sha256;
+  sha256.Add(name);
+  sha256.Add(std::string_view("", 1));
+  sha256.Add({data, size});
+  return sha256.Finish();
 }
 
 }  // namespace
@@ -55,16 +53,15 @@ CheckpointSections ReadCheckpointFile(const std::filesystem::path& path,
                                       const SectionFilter& wanted) {
   std::ifstream file(path, std::ios::binary);
   if (!file) {
-    throw RunnerError(ExitCode::kNotFound,
-                      "no checkpoint " + std::filesystem::absolute(path).string());
+    throw Failure(ExitCode::kNotFound, "no checkpoint " + std::filesystem::absolute(path).string());
   }
   std::error_code error;
   const std::uint64_t file_size = std::filesystem::file_size(path, error);
   std::uint64_t position = 0;
   const auto damaged = [&](const std::string& what) {
-    return RunnerError(ExitCode::kBadInput,
-                       "damaged checkpoint " + std::filesystem::absolute(path).string() + ": " +
-                           what + " at byte " + std::to_string(position));
+    return Failure(ExitCode::kBadInput, "damaged checkpoint " +
+                                            std::filesystem::absolute(path).string() + ": " + what +
+                                            " at byte " + std::to_string(position));
   };
   if (error) throw damaged(error.message());
   const auto advance = [&](std::uint64_t size) {
@@ -89,7 +86,7 @@ CheckpointSections ReadCheckpointFile(const std::filesystem::path& path,
   for (;;) {
     const std::string name = take(take_size());
     const std::uint64_t data_size = take_size();
-    const std::string digest = take(SHA256_DIGEST_LENGTH);
+    const std::string digest = take(Sha256::kBytes);
     if (wanted && name != kEnd && !wanted(name)) {
       advance(data_size);
       file.seekg(static_cast<std::streamoff>(position));
@@ -152,7 +149,7 @@ std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest(
       const std::string why = judge ? judge(sections) : "";
       if (why.empty()) return Loaded{found.path, std::move(sections), std::move(skipped)};
       skipped.push_back({false, std::filesystem::absolute(found.path).string() + " " + why});
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       skipped.push_back({true, error.what()});
     }
   }
@@ -161,7 +158,7 @@ std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest(
   if (judge) message += " that continues the run";
   message += " is left in " + std::filesystem::absolute(folder_).string();
   for (const Skipped& one : skipped) message += "\n  " + one.why;
-  throw RunnerError(ExitCode::kBadInput, message);
+  throw Failure(ExitCode::kBadInput, message);
 }
 
 }  // namespace dreamsearch

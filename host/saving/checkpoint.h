@@ -22,14 +22,14 @@ namespace dreamsearch {
 
 using CheckpointSections = std::map<std::string, std::string>;
 
-// Writes a file as described above. Throws RunnerError 73, 74 or 77 with the path
+// Writes a file as described above. Throws Failure 73, 74 or 77 with the path
 // and the free space; then no file of that name was changed.
 void WriteCheckpointFile(const std::filesystem::path& path, const CheckpointSections& sections);
 
 // Which sections to read; the others are passed over, unchecked.
 using SectionFilter = std::function<bool(const std::string& name)>;
 
-// Throws RunnerError 65 with what is wrong, 66 if there is no such file. All sections
+// Throws Failure 65 with what is wrong, 66 if there is no such file. All sections
 // unless `wanted` is given.
 CheckpointSections ReadCheckpointFile(const std::filesystem::path& path,
                                       const SectionFilter& wanted = {});
@@ -60,7 +60,7 @@ class CheckpointFolder {
   // Why a whole checkpoint is of no use; empty if it is the one.
   using Judge = std::function<std::string(const CheckpointSections& sections)>;
   // The newest that is whole and that `judge` lets through, with the sections `wanted`;
-  // nullopt if there is none at all. Throws RunnerError 65, with the reasons, if there are
+  // nullopt if there is none at all. Throws Failure 65, with the reasons, if there are
   // some and none will do.
   std::optional<Loaded> LoadNewest(const Judge& judge = {}, const SectionFilter& wanted = {}) const;
 

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "results/database/table.h"
+#include "results/system/file.h"
 #include "results/system/json_text.h"
-#include "results/figures/table.h"
 
 namespace dreamsearch {
 namespace {
@@ -64,7 +65,7 @@ std::uint64_t WriteSafetensors(const std::filesystem::path& path,
     bytes.append(reinterpret_cast<const char*>(tensor.values.data()),
                  tensor.values.size() * sizeof(float));
   }
-  results::WriteFile(path.string(), bytes);
+  WriteFile(path.string(), bytes);
   return bytes.size();
 }
 

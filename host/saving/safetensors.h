@@ -35,7 +35,7 @@ class TensorCollector final : public TensorSink {
   std::vector<NamedTensor> tensors_;
 };
 
-// Writes the file as results::OutputFile does. `metadata` becomes the header's
+// Writes the file as OutputFile does. `metadata` becomes the header's
 // __metadata__. Returns its size in bytes.
 std::uint64_t WriteSafetensors(const std::filesystem::path& path,
                                const std::vector<NamedTensor>& tensors,

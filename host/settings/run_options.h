@@ -23,8 +23,8 @@ struct Setting {
 struct ProcessOptions {
   std::filesystem::path db = "results/dreamsearch.db";
   std::vector<std::string> plugin_path;
-  int jobs = 1;                       // default: the number of cores
-  double time_limit_seconds = 0;      // 0: none
+  int jobs = 1;                          // default: the number of cores
+  double time_limit_seconds = 0;         // 0: none
   std::uint64_t memory_limit_bytes = 0;  // 0: none
   double hang_timeout_seconds = 60;
   bool retry = false;
@@ -40,13 +40,13 @@ struct Options {
   std::vector<std::string> environments;
   std::vector<std::string> planners;
   std::vector<std::string> models;
-  std::string eval_planner;           // empty: the run's own
-  std::vector<std::uint64_t> seeds;   // each once, in the order given
+  std::string eval_planner;          // empty: the run's own
+  std::vector<std::uint64_t> seeds;  // each once, in the order given
   std::string study = "default";
   std::string preset = "fast";
-  std::vector<Setting> settings;      // the file's first; --steps is run.steps
-  std::string config;                 // the file, empty if none
-  bool evaluate = false;              // of `runner eval`: nothing is trained
+  std::vector<Setting> settings;  // the file's first; --steps is run.steps
+  std::string config;             // the file, empty if none
+  bool evaluate = false;          // of `runner eval`: nothing is trained
   ProcessOptions process;
 };
 

@@ -5,15 +5,17 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
-#include "results/system/json_text.h"
 #include "host/settings/run_parameters.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/names.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -34,9 +36,12 @@ std::string NumberText(ParameterType type, double number) {
 
 std::string DefaultText(const ParameterInfo& parameter) {
   switch (parameter.type) {
-    case ParameterType::kBool: return parameter.default_number != 0 ? "true" : "false";
-    case ParameterType::kChoice: return parameter.default_choice;
-    default: return NumberText(parameter.type, parameter.default_number);
+    case ParameterType::kBool:
+      return parameter.default_number != 0 ? "true" : "false";
+    case ParameterType::kChoice:
+      return parameter.default_choice;
+    default:
+      return NumberText(parameter.type, parameter.default_number);
   }
 }
 
@@ -151,8 +156,8 @@ struct Target {
   }
   bool IsCalled(std::string_view name) const {
     return info != nullptr &&
-           (info->name == name || std::find(info->aliases.begin(), info->aliases.end(), name) !=
-                                      info->aliases.end());
+           (info->name == name ||
+            std::find(info->aliases.begin(), info->aliases.end(), name) != info->aliases.end());
   }
 };
 
@@ -189,10 +194,10 @@ class Resolver {
   std::vector<RunSpec> Matrix(const Options& options) const {
     const std::size_t combinations = environments_.size() * planners_.size() * models_.size();
     if (options.seeds.size() > kMostRuns / combinations) {
-      throw RunnerError(ExitCode::kUsage,
-                        "expected at most " + std::to_string(kMostRuns) + " runs, found " +
-                            std::to_string(combinations) + " combinations of " +
-                            std::to_string(options.seeds.size()) + " seeds");
+      throw Failure(ExitCode::kUsage, "expected at most " + std::to_string(kMostRuns) +
+                                          " runs, found " + std::to_string(combinations) +
+                                          " combinations of " +
+                                          std::to_string(options.seeds.size()) + " seeds");
     }
     std::vector<RunSpec> runs;
     for (const std::size_t environment : environments_) {
@@ -245,9 +250,9 @@ class Resolver {
       const auto info = catalogue.Find(kind, name);
       for (const std::size_t i : indices) {
         if (targets_[i].info == info) {
-          throw RunnerError(ExitCode::kUsage, "--" + flag + ": '" + name + "' and '" +
-                                                  targets_[i].info->name +
-                                                  "' are the same component; expected it once");
+          throw Failure(ExitCode::kUsage, "--" + flag + ": '" + name + "' and '" +
+                                              targets_[i].info->name +
+                                              "' are the same component; expected it once");
         }
       }
       indices.push_back(Add(info, &info->parameters, true));
@@ -265,13 +270,13 @@ class Resolver {
       }
     }
     if (known.contains(preset_)) return;
-    throw RunnerError(ExitCode::kUsage, "--preset: no preset '" + preset_ + "'. " +
-                                            KnownNames(preset_, {known.begin(), known.end()}));
+    throw Failure(ExitCode::kUsage, "--preset: no preset '" + preset_ + "'. " +
+                                        KnownNames(preset_, {known.begin(), known.end()}));
   }
 
   [[noreturn]] static void Fail(const Setting& setting, const std::string& message) {
-    throw RunnerError(setting.from_file ? ExitCode::kBadInput : ExitCode::kUsage,
-                      setting.where + ": " + setting.key + ": " + message);
+    throw Failure(setting.from_file ? ExitCode::kBadInput : ExitCode::kUsage,
+                  setting.where + ": " + setting.key + ": " + message);
   }
 
   // The targets a key's part before the dot names. *specific: it names one
@@ -290,8 +295,8 @@ class Resolver {
     }
     *specific = true;
     const auto slash = scope.find('/');
-    const auto kind = slash == std::string::npos ? std::nullopt
-                                                 : KindFromText(scope.substr(0, slash));
+    const auto kind =
+        slash == std::string::npos ? std::nullopt : KindFromText(scope.substr(0, slash));
     const std::string name = kind ? scope.substr(slash + 1) : scope;
     for (Target& target : targets_) {
       if (target.IsCalled(name) && (!kind || target.info->kind == *kind)) {
@@ -332,8 +337,8 @@ class Resolver {
     if (declaring.empty()) {
       std::vector<std::string> labels;
       for (const Target* target : matching) labels.push_back(target->label());
-      Fail(setting, "no parameter '" + name + "' in " + JoinNames(labels) + ". " +
-                        KnownNames(name, known));
+      Fail(setting,
+           "no parameter '" + name + "' in " + JoinNames(labels) + ". " + KnownNames(name, known));
     }
     if (specific && declaring.size() > 1) {
       std::vector<std::string> keys;
@@ -348,9 +353,8 @@ class Resolver {
     ResolvedValue value = target->values.values[i];
     if (!ParseValue(parameter, setting.value, &value)) {
       constexpr std::size_t kMost = 60;
-      const std::string found = setting.value.size() > kMost
-                                    ? setting.value.substr(0, kMost) + "..."
-                                    : setting.value;
+      const std::string found =
+          setting.value.size() > kMost ? setting.value.substr(0, kMost) + "..." : setting.value;
       std::string message = Expectation(parameter) + ", found '" + found + "'";
       const auto near = parameter.type == ParameterType::kChoice
                             ? NearestNames(setting.value, parameter.choices)
@@ -378,11 +382,10 @@ class Resolver {
                            (run.Find("steps")->origin != ValueOrigin::kCommandLine &&
                             run.Find("action_repeat")->origin == ValueOrigin::kFile);
     const std::uint64_t below = steps / repeat * repeat;
-    throw RunnerError(from_file ? ExitCode::kBadInput : ExitCode::kUsage,
-                      "--steps: expected a multiple of run.action_repeat = " +
-                          std::to_string(repeat) + " such as " +
-                          std::to_string(below == 0 ? repeat : below) + ", found " +
-                          std::to_string(steps));
+    throw Failure(from_file ? ExitCode::kBadInput : ExitCode::kUsage,
+                  "--steps: expected a multiple of run.action_repeat = " + std::to_string(repeat) +
+                      " such as " + std::to_string(below == 0 ? repeat : below) + ", found " +
+                      std::to_string(steps));
   }
 
   std::string preset_;
@@ -394,10 +397,14 @@ class Resolver {
 
 Json ValueJson(const ResolvedValue& value) {
   switch (value.type) {
-    case ParameterType::kBool: return value.number != 0;
-    case ParameterType::kInt: return static_cast<std::int64_t>(value.number);
-    case ParameterType::kReal: return value.number;
-    case ParameterType::kChoice: return value.choice;
+    case ParameterType::kBool:
+      return value.number != 0;
+    case ParameterType::kInt:
+      return static_cast<std::int64_t>(value.number);
+    case ParameterType::kReal:
+      return value.number;
+    case ParameterType::kChoice:
+      return value.choice;
   }
   return nullptr;
 }
@@ -451,19 +458,26 @@ ResolvedComponent ComponentFromJson(const Json& json) {
 
 const char* ValueOriginName(ValueOrigin origin) {
   switch (origin) {
-    case ValueOrigin::kDefault: return "default";
-    case ValueOrigin::kPreset: return "preset";
-    case ValueOrigin::kFile: return "file";
-    case ValueOrigin::kCommandLine: return "command line";
+    case ValueOrigin::kDefault:
+      return "default";
+    case ValueOrigin::kPreset:
+      return "preset";
+    case ValueOrigin::kFile:
+      return "file";
+    case ValueOrigin::kCommandLine:
+      return "command line";
   }
   return "unknown";
 }
 
 std::string ValueText(const ResolvedValue& value) {
   switch (value.type) {
-    case ParameterType::kBool: return value.number != 0 ? "true" : "false";
-    case ParameterType::kChoice: return value.choice;
-    default: return NumberText(value.type, value.number);
+    case ParameterType::kBool:
+      return value.number != 0 ? "true" : "false";
+    case ParameterType::kChoice:
+      return value.choice;
+    default:
+      return NumberText(value.type, value.number);
   }
 }
 
@@ -477,7 +491,7 @@ const ResolvedValue* ResolvedValues::Find(std::string_view name) const {
 double ResolvedValues::Number(std::string_view name) const {
   const ResolvedValue* value = Find(name);
   if (value == nullptr) {
-    throw RunnerError(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
   }
   return value->number;
 }
@@ -491,14 +505,14 @@ std::uint64_t ResolvedValues::Integer(std::string_view name) const {
 const std::string& ResolvedValues::Choice(std::string_view name) const {
   const ResolvedValue* value = Find(name);
   if (value == nullptr) {
-    throw RunnerError(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
   }
   return value->choice;
 }
 
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
-  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model,
-                                                      &spec.planner, &spec.eval_planner};
+  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model, &spec.planner,
+                                                      &spec.eval_planner};
   if (spec.evaluation && spec.evaluation->behaviour) {
     components.push_back(&*spec.evaluation->behaviour);
   }
@@ -541,7 +555,7 @@ std::string CanonicalJson(const RunSpec& spec) {
   return results::JsonText(json);
 }
 
-std::string ConfigurationSha256(const RunSpec& spec) { return Sha256(CanonicalJson(spec)); }
+std::string ConfigurationSha256(const RunSpec& spec) { return Sha256Hex(CanonicalJson(spec)); }
 
 Json ToJson(const RunSpec& spec) {
   Json json = {{"study", spec.study},
@@ -589,8 +603,8 @@ RunSpec RunSpecFromJson(const Json& json) {
     }
     return spec;
   } catch (const Json::exception& error) {
-    throw RunnerError(ExitCode::kInternal,
-                      std::string("a run's description cannot be read: ") + error.what());
+    throw Failure(ExitCode::kInternal,
+                  std::string("a run's description cannot be read: ") + error.what());
   }
 }
 

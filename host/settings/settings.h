@@ -8,12 +8,11 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
-
-#include <nlohmann/json_fwd.hpp>
 
 #include "dreamsearch/parameter.h"
 #include "host/plugins/catalogue.h"
@@ -58,9 +57,9 @@ struct EvaluationSpec {
   // The trained run; 0 and empty for a model that needs no training.
   std::int64_t parent_run_id = 0;
   std::string parent_uuid;
-  std::uint64_t env_step = 0;  // environment steps of training in its checkpoint
+  std::uint64_t env_step = 0;       // environment steps of training in its checkpoint
   std::uint64_t episode_steps = 0;  // environment steps of an episode of the task
-  std::string agent_sha256;    // of the trained model as saved there
+  std::string agent_sha256;         // of the trained model as saved there
   // The trained run's model, when it gives only proposal and value to the run's
   // own model: ModelContext::behaviour.
   std::optional<ResolvedComponent> behaviour;

@@ -9,11 +9,12 @@
 #include <thread>
 
 #include "host/acting/activity_clock.h"
-#include "host/saving/byte_buffer.h"
 #include "host/plugins/catalogue.h"
-#include "host/system/error.h"
-#include "host/training/resumption.h"
+#include "host/saving/byte_buffer.h"
 #include "host/settings/schedule.h"
+#include "host/training/resumption.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 
@@ -57,17 +58,17 @@ CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& c
   CheckpointSections sections;
   try {
     sections = ReadCheckpointFile(checkpoint);
-  } catch (const RunnerError& error) {
-    throw RunnerError(error.code(), std::string(error.what()) +
-                                        ": the trained run has gone on or its files were moved. "
-                                        "`runner eval` again takes its newest checkpoint");
+  } catch (const Failure& error) {
+    throw Failure(error.code(), std::string(error.what()) +
+                                    ": the trained run has gone on or its files were moved. "
+                                    "`runner eval` again takes its newest checkpoint");
   }
-  const std::string found = Sha256(sections["model"]);
+  const std::string found = Sha256Hex(sections["model"]);
   if (found != spec.evaluation->agent_sha256) {
-    throw RunnerError(ExitCode::kBadInput, checkpoint.string() +
-                                               " holds another agent: expected SHA-256 " +
-                                               spec.evaluation->agent_sha256 + ", found " + found +
-                                               ". `runner eval` again takes what is there now");
+    throw Failure(ExitCode::kBadInput, checkpoint.string() +
+                                           " holds another agent: expected SHA-256 " +
+                                           spec.evaluation->agent_sha256 + ", found " + found +
+                                           ". `runner eval` again takes what is there now");
   }
   return sections;
 }
@@ -164,7 +165,7 @@ results::ResumePoint Evaluation::ResumePointOf(const CheckpointSections& section
                                                std::uint64_t env_step) {
   const auto found = sections.find("position");
   if (found == sections.end()) {
-    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'position'");
+    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'position'");
   }
   ByteReader reader(found->second, "checkpoint section 'position'");
   const auto position = reader.Value<Position>();

@@ -8,7 +8,7 @@
 // The planner `dreamer` is the actor alone and recorded as such (results::Phase).
 //
 // A checkpoint follows every recorded episode; a resume goes on with the next.
-// Errors   RunnerError, that of the first episode that has a fault: 72 when something is not
+// Errors   Failure, that of the first episode that has a fault: 72 when something is not
 // finite; 65 if the trained run's
 //          checkpoint is not the one that was to be evaluated, 66 if it is gone.
 #pragma once
@@ -21,9 +21,9 @@
 #include "host/acting/components.h"
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
+#include "host/settings/settings.h"
 #include "host/training/procedure.h"
 #include "results/database/run_writer.h"
-#include "host/settings/settings.h"
 
 namespace dreamsearch {
 

@@ -7,11 +7,12 @@
 #include <system_error>
 
 #include "host/saving/byte_buffer.h"
-#include "host/system/error.h"
-#include "results/database/digest.h"
-#include "results/system/json_text.h"
-#include "host/training/resumption.h"
 #include "host/settings/schedule.h"
+#include "host/training/resumption.h"
+#include "results/database/digest.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -36,8 +37,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       environment_(components_.MakeEnvironment()),
       model_environment_(components_.model().needs_environment ? components_.MakeEnvironment()
                                                                : nullptr),
-      model_(
-          components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
+      model_(components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
@@ -91,12 +91,12 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   episode_actions_.reserve(episode_steps * environment_->spec().action_size);
 
   for (const MetricSpec& metric : components_.planner().metrics) {
-    planner_metric_ids_.push_back(writer_->Metric(
-        spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
+    planner_metric_ids_.push_back(
+        writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
   }
   for (const MetricSpec& metric : components_.model().metrics) {
-    model_metric_ids_.push_back(writer_->Metric(
-        spec_.model.name() + "." + metric.name, metric.unit, metric.help));
+    model_metric_ids_.push_back(
+        writer_->Metric(spec_.model.name() + "." + metric.name, metric.unit, metric.help));
   }
   at_.last_training_return = kNaN;
   at_.last_evaluation_return = kNaN;
@@ -143,7 +143,7 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
           break;
       }
     }
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     if (error.code() == ExitCode::kDiverged) DumpDivergence(error.what());
     throw;
   }
@@ -171,13 +171,12 @@ void Experiment::BeginEpisode() {
   ThrowUnlessOk(environment_->Reset(seed, {observation_.data(), observation_.size()}),
                 "environment '" + spec_.environment.name() + "' Reset");
   if (!AllFinite({observation_.data(), observation_.size()})) {
-    throw RunnerError(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
-                                               "': the first observation is not finite");
+    throw Failure(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
+                                           "': the first observation is not finite");
   }
   replay_.BeginEpisode({observation_.data(), observation_.size()});
   episode_ = EpisodeState();
-  episode_.random =
-      at_.env_step < spec_.run.Integer("prefill_steps") ? 1 : 0;
+  episode_.random = at_.env_step < spec_.run.Integer("prefill_steps") ? 1 : 0;
   episode_.transitions_before = agent_->transitions();
   std::fill(action_.begin(), action_.end(), 0.0);
   std::fill(episode_metrics_.begin(), episode_metrics_.end(), 0.0);
@@ -208,10 +207,10 @@ void Experiment::MakeDecision() {
   HeldAction held;
   {
     const ActivityScope scope(&clock_, Activity::kEnvironment);
-    held = HoldAction(environment_.get(), spec_.environment.name(),
-                      {action_.data(), action_.size()},
-                      std::min<std::uint64_t>(target_ - at_.env_step, spec_.action_repeat()),
-                      {observation_.data(), observation_.size()});
+    held =
+        HoldAction(environment_.get(), spec_.environment.name(), {action_.data(), action_.size()},
+                   std::min<std::uint64_t>(target_ - at_.env_step, spec_.action_repeat()),
+                   {observation_.data(), observation_.size()});
     replay_.Add({action_.data(), action_.size()}, held.reward, held.discount,
                 {observation_.data(), observation_.size()});
     episode_actions_.insert(episode_actions_.end(), action_.begin(), action_.end());
@@ -260,13 +259,13 @@ std::string Experiment::TreeSection(std::uint64_t decision) {
 void Experiment::KeepTree(const Decision& decision) {
   const ActivityScope scope(&clock_, Activity::kRecording);
   if (tree_.faulty()) {
-    throw RunnerError(ExitCode::kInternal, "planner '" + spec_.planner.name() +
-                                               "' reported an edge before its parent, or memory "
-                                               "ran out");
+    throw Failure(ExitCode::kInternal, "planner '" + spec_.planner.name() +
+                                           "' reported an edge before its parent, or memory "
+                                           "ran out");
   }
   if (tree_.edges().empty()) return;
-  nlohmann::json json = TreeJson(tree_, agent_->action(), decision, agent_->metrics(),
-                                 components_.planner().metrics);
+  nlohmann::json json =
+      TreeJson(tree_, agent_->action(), decision, agent_->metrics(), components_.planner().metrics);
   json["env_step"] = at_.env_step;
   trees_[TreeSection(episode_.t)] = results::JsonText(json);
 }
@@ -331,8 +330,7 @@ void Experiment::MakeUpdate() {
   const ActivityScope scope(&clock_, Activity::kLearning);
   TrainRequest request;
   request.batch =
-      replay_.Sample(spec_.run.Integer("batch_size"),
-                     spec_.run.Integer("sequence_length"),
+      replay_.Sample(spec_.run.Integer("batch_size"), spec_.run.Integer("sequence_length"),
                      SeedFor(spec_.seed, SeedUse::kReplay, Phase::kTraining, at_.updates, 0));
   request.seed = SeedFor(spec_.seed, SeedUse::kTrain, Phase::kTraining, at_.updates, 0);
   request.update = at_.updates;
@@ -342,13 +340,13 @@ void Experiment::MakeUpdate() {
     at_.pending_updates = 0;
     return;
   }
-  const std::string what = "model '" + spec_.model.name() + "' update " +
-                           std::to_string(at_.updates);
+  const std::string what =
+      "model '" + spec_.model.name() + "' update " + std::to_string(at_.updates);
   ThrowUnlessOk(status, what);
   for (std::size_t i = 0; i < metrics_.size(); ++i) {
     if (!std::isfinite(metrics_[i])) {
-      throw RunnerError(ExitCode::kDiverged, what + ": " + components_.model().metrics[i].name +
-                                                 " is not finite");
+      throw Failure(ExitCode::kDiverged,
+                    what + ": " + components_.model().metrics[i].name + " is not finite");
     }
     burst_metrics_[i] += metrics_[i];
   }
@@ -470,8 +468,7 @@ void Experiment::WriteCheckpoint(bool with_replay) {
 
 void Experiment::AddArtifact(const std::filesystem::path& path, const std::string& kind) {
   writer_->AddArtifact(path.string(), kind, Signed(at_.env_step),
-                       Signed(std::filesystem::file_size(path)),
-                       results::Sha256HexOfFile(path.string()));
+                       Signed(std::filesystem::file_size(path)), Sha256HexOfFile(path.string()));
 }
 
 void Experiment::DumpDivergence(const std::string& message) {
@@ -481,7 +478,7 @@ void Experiment::DumpDivergence(const std::string& message) {
   try {
     WriteCheckpointFile(path, Save(true));
     AddArtifact(path, "divergence");
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     writer_->AddEvent(Signed(at_.env_step), "warning", "no_state_dump", error.what());
   }
   writer_->Commit();
@@ -526,8 +523,8 @@ void Experiment::Load(const CheckpointSections& sections) {
   const auto section = [&](const char* name) -> const std::string& {
     const auto found = sections.find(name);
     if (found == sections.end()) {
-      throw RunnerError(ExitCode::kBadInput,
-                        std::string("the checkpoint has no section '") + name + "'");
+      throw Failure(ExitCode::kBadInput,
+                    std::string("the checkpoint has no section '") + name + "'");
     }
     return found->second;
   };
@@ -575,7 +572,7 @@ void Experiment::Load(const CheckpointSections& sections) {
 results::ResumePoint Experiment::ResumePointOf(const CheckpointSections& sections) {
   const auto found = sections.find("position");
   if (found == sections.end()) {
-    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'position'");
+    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'position'");
   }
   ByteReader reader(found->second, "checkpoint section 'position'");
   const auto position = reader.Value<Position>();

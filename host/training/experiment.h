@@ -11,7 +11,7 @@
 // Stopping Run returns kInterrupted within one decision or update of a request;
 //          Save then holds everything, mid-episode too, and a new Experiment that
 //          loads it goes on with the very bits.
-// Errors   RunnerError: 72 when something is not finite, 70 for other faults.
+// Errors   Failure: 72 when something is not finite, 70 for other faults.
 #pragma once
 
 #include <atomic>
@@ -23,15 +23,15 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/acting/agent.h"
-#include "host/saving/checkpoint.h"
 #include "host/acting/components.h"
 #include "host/acting/decision_tree.h"
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
+#include "host/saving/checkpoint.h"
+#include "host/settings/settings.h"
 #include "host/training/procedure.h"
 #include "host/training/replay.h"
 #include "results/database/run_writer.h"
-#include "host/settings/settings.h"
 
 namespace dreamsearch {
 
@@ -42,7 +42,7 @@ class Experiment final : public Procedure {
     // null: one.
     const std::atomic<std::uint32_t>* threads = nullptr;
     bool log_decisions = false;
-    bool record_trees = false;  // keep the training decisions' search trees
+    bool record_trees = false;                      // keep the training decisions' search trees
     double segment_started = ActivityClock::Now();  // from when wall time is accounted
     std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
   };
@@ -80,14 +80,14 @@ class Experiment final : public Procedure {
     std::uint64_t training_episodes = 0;  // finished ones
     std::uint64_t evaluations = 0;        // finished ones
     std::uint64_t evaluation_episodes = 0;
-    std::uint64_t events = 0;             // events recorded by the checkpoint
-    std::uint64_t evaluated_mark = 0;     // env_step / eval_every at the last one
+    std::uint64_t events = 0;          // events recorded by the checkpoint
+    std::uint64_t evaluated_mark = 0;  // env_step / eval_every at the last one
     std::uint64_t updates = 0;
     std::uint64_t pending_updates = 0;
-    std::uint64_t learned_env_step = 0;   // env_step up to which updates were granted
+    std::uint64_t learned_env_step = 0;  // env_step up to which updates were granted
     std::uint64_t checkpoint_env_step = 0;
     std::uint64_t pretrained = 0;
-    std::uint64_t burst_updates = 0;      // updates summed in burst_metrics_
+    std::uint64_t burst_updates = 0;  // updates summed in burst_metrics_
     double last_training_return = 0;
     double last_evaluation_return = 0;
     Stage stage = Stage::kEvaluate;
@@ -147,15 +147,15 @@ class Experiment final : public Procedure {
   ActivityClock clock_;
   Position at_;
   EpisodeState episode_;
-  std::vector<double> observation_;          // what the next decision sees
-  std::vector<double> action_;               // the last action
-  std::vector<double> episode_actions_;      // of this episode, for environments without SaveState
-  std::vector<double> plan_us_;              // of this episode
-  std::vector<double> episode_metrics_;      // sums over this episode's planned decisions
-  std::vector<double> burst_metrics_;        // sums over the updates since the last record
+  std::vector<double> observation_;      // what the next decision sees
+  std::vector<double> action_;           // the last action
+  std::vector<double> episode_actions_;  // of this episode, for environments without SaveState
+  std::vector<double> plan_us_;          // of this episode
+  std::vector<double> episode_metrics_;  // sums over this episode's planned decisions
+  std::vector<double> burst_metrics_;    // sums over the updates since the last record
   std::vector<double> metrics_;
   TreeCollector tree_;
-  CheckpointSections trees_;                 // of this episode, by TreeSection
+  CheckpointSections trees_;  // of this episode, by TreeSection
 
   std::vector<std::int64_t> planner_metric_ids_;
   std::vector<std::int64_t> model_metric_ids_;

@@ -5,9 +5,9 @@
 #include <cstring>
 #include <string>
 
-#include "host/saving/byte_buffer.h"
 #include "dreamsearch/random.h"
-#include "host/system/error.h"
+#include "host/saving/byte_buffer.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 
@@ -64,9 +64,9 @@ void Replay::MakeRoom() {
     ++drop;
   }
   if (drop == 0) {
-    throw RunnerError(ExitCode::kUsage,
-                      "run.replay_capacity " + std::to_string(capacity_) +
-                          " does not hold one episode; give at least the decisions of two episodes");
+    throw Failure(ExitCode::kUsage,
+                  "run.replay_capacity " + std::to_string(capacity_) +
+                      " does not hold one episode; give at least the decisions of two episodes");
   }
   const std::uint64_t cut = drop < episodes_.size() ? episodes_[drop].first : rows_;
   for (std::uint64_t i = 0; i < drop; ++i) finished_rows_ -= episodes_[i].rows;
@@ -98,10 +98,9 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
     if (episodes_[i].finished && episodes_[i].rows >= length) eligible_.push_back(i);
   }
   if (eligible_.empty()) {
-    throw RunnerError(ExitCode::kUsage,
-                      "run.sequence_length " + std::to_string(length) +
-                          " is longer than every finished episode (longest: " +
-                          std::to_string(longest_episode()) + " observations)");
+    throw Failure(ExitCode::kUsage, "run.sequence_length " + std::to_string(length) +
+                                        " is longer than every finished episode (longest: " +
+                                        std::to_string(longest_episode()) + " observations)");
   }
   const std::uint64_t rows = sequences * length;
   batch_observations_.resize(rows * observation_size_);
@@ -155,12 +154,12 @@ void Replay::Load(const std::string& bytes) {
   const auto action_size = reader.Value<std::uint64_t>();
   const auto rows = reader.Value<std::uint64_t>();
   if (observation_size != observation_size_ || action_size != action_size_ || rows > capacity_) {
-    throw RunnerError(ExitCode::kBadInput,
-                      "the checkpoint's replay does not fit: observations of " +
-                          std::to_string(observation_size) + ", actions of " +
-                          std::to_string(action_size) + ", " + std::to_string(rows) +
-                          " rows; expected " + std::to_string(observation_size_) + ", " +
-                          std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
+    throw Failure(ExitCode::kBadInput,
+                  "the checkpoint's replay does not fit: observations of " +
+                      std::to_string(observation_size) + ", actions of " +
+                      std::to_string(action_size) + ", " + std::to_string(rows) +
+                      " rows; expected " + std::to_string(observation_size_) + ", " +
+                      std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
   }
   std::vector<Episode> episodes = reader.Vector<Episode>();
   reader.ArrayInto(observations_.data(), rows * observation_size_);

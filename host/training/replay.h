@@ -5,7 +5,7 @@
 // led to. Only finished episodes are drawn from.
 //
 // Memory   all of it is reserved at construction.
-// Errors   RunnerError; nothing is changed by a call that throws.
+// Errors   Failure; nothing is changed by a call that throws.
 #pragma once
 
 #include <cstdint>

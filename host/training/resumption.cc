@@ -2,13 +2,14 @@
 
 #include <nlohmann/json.hpp>
 
-#include "host/saving/byte_buffer.h"
+#include "dreamsearch/instruction_set.h"
 #include "host/plugins/catalogue.h"
+#include "host/saving/byte_buffer.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
-#include "host/commands/progress.h"
-#include "host/system/provenance.h"
+#include "results/system/error.h"
 #include "results/system/json_text.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -22,7 +23,7 @@ results::ResumePoint ResumePointOf(const RunSpec& spec, const CheckpointSections
                                    : Experiment::ResumePointOf(sections);
   const auto found = sections.find(kRows);
   if (found == sections.end()) {
-    throw RunnerError(ExitCode::kBadInput, "the checkpoint has no section 'rows'");
+    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'rows'");
   }
   point.rows = ByteReader(found->second, "checkpoint section 'rows'").Value<results::RowSums>();
   return point;
@@ -33,13 +34,13 @@ std::string CountsText(const results::RowSums& rows) {
          Counted(static_cast<std::size_t>(rows.episodes), "episode");
 }
 
-RunnerError Refusal(ExitCode code, const results::Database& database, const results::RunInfo& run,
-                    const std::string& why) {
-  return RunnerError(code, "run " + std::to_string(run.run_id) + " of " + database.path() +
-                               " was not touched: " + why +
-                               "\nPut back the database and the folder that belong together, or "
-                               "give the run's command with --retry --replace, which deletes what "
-                               "it recorded and starts it over");
+Failure Refusal(ExitCode code, const results::Database& database, const results::RunInfo& run,
+                const std::string& why) {
+  return Failure(code, "run " + std::to_string(run.run_id) + " of " + database.path() +
+                           " was not touched: " + why +
+                           "\nPut back the database and the folder that belong together, or "
+                           "give the run's command with --retry --replace, which deletes what "
+                           "it recorded and starts it over");
 }
 
 }  // namespace
@@ -52,7 +53,7 @@ std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
   }
-  header["instruction_set"] = InstructionSetInUse();
+  header["instruction_set"] = InstructionSetName(ChosenInstructionSet());
   return results::JsonText(header);
 }
 
@@ -67,7 +68,8 @@ bool HasRowSums(const CheckpointSections& sections) { return sections.count(kRow
 std::string WhyUnfit(results::Database* database, const results::RunInfo& run, const RunSpec& spec,
                      const CheckpointSections& sections) {
   const auto found = sections.find("header");
-  const nlohmann::json header = results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
+  const nlohmann::json header =
+      results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
   const auto uuid = header.is_object() ? header.find("run") : header.end();
   if (uuid == header.end() || !uuid->is_string()) return "does not say of which run it is";
   if (*uuid != run.uuid) {
@@ -96,7 +98,7 @@ Resumption FindResumption(results::Database* database, const results::RunInfo& r
   try {
     resumption.checkpoint = CheckpointFolder(folder).LoadNewest(
         judge, part == CheckpointPart::kOutline ? outline : SectionFilter());
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     throw Refusal(error.code(), *database, run, error.what());
   }
   // The last that the database knows of. An evaluation names none, but has one after each

@@ -16,9 +16,9 @@
 #include <string>
 
 #include "host/saving/checkpoint.h"
+#include "host/settings/settings.h"
 #include "results/database/database.h"
 #include "results/database/run_writer.h"
-#include "host/settings/settings.h"
 
 namespace dreamsearch {
 
@@ -44,7 +44,7 @@ struct Resumption {
   results::ResumePoint point;
 };
 // From where an unfinished run goes on; among what was skipped is also a newer checkpoint
-// that is not there any more. From the start only if it never had one: throws RunnerError 65 if no
+// that is not there any more. From the start only if it never had one: throws Failure 65 if no
 // checkpoint that is there continues the run, 66 if it had one and none is there. Changes nothing.
 Resumption FindResumption(results::Database* database, const results::RunInfo& run,
                           const RunSpec& spec, const std::filesystem::path& folder,

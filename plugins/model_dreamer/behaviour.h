@@ -20,10 +20,10 @@
 #include <memory>
 #include <vector>
 
-#include "plugins/networks/layers.h"
 #include "plugins/model_dreamer/settings.h"
-#include "plugins/networks/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
+#include "plugins/networks/layers.h"
+#include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {
 

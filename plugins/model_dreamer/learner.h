@@ -12,8 +12,8 @@
 #include "dreamsearch/model.h"
 #include "plugins/model_dreamer/behaviour.h"
 #include "plugins/model_dreamer/settings.h"
-#include "plugins/networks/task_threads.h"
 #include "plugins/model_dreamer/world_model.h"
+#include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {
 

@@ -16,7 +16,7 @@ using namespace networks;
 struct Settings {
   // Sizes.
   Index deterministic{};  // D
-  Index stochastic{};      // Z
+  Index stochastic{};     // Z
   Index hidden{};         // U
   Index encoder_layers{};
   Index decoder_layers{};

@@ -10,8 +10,8 @@
 // act is ELU, after layer normalisation if the settings ask for it.
 #pragma once
 
-#include "plugins/networks/layers.h"
 #include "plugins/model_dreamer/settings.h"
+#include "plugins/networks/layers.h"
 #include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {

@@ -345,8 +345,8 @@ class Oracle final : public Model {
   std::vector<std::byte> current_;
   bool current_valid_ = false;
 
-  std::vector<double> bounded_;       // [A]
-  std::vector<double> observation_;   // [O]
+  std::vector<double> bounded_;      // [A]
+  std::vector<double> observation_;  // [O]
   bool observed_ = false;
   std::vector<double> observations_;  // [largest batch, O]
   std::vector<std::uint64_t> ended_;  // rows in which nothing moved

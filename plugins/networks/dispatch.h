@@ -15,7 +15,7 @@
 #include "dreamsearch/instruction_set.h"
 
 #if HWY_TARGETS & HWY_AVX3
-#define DREAMSEARCH_OF_AVX512(function) \
+#define DREAMSEARCH_OF_AVX512(function)                                                  \
   if (::dreamsearch::ChosenInstructionSet() >= ::dreamsearch::InstructionSet::kAvx512) { \
     return N_AVX3::function();                                                           \
   }
@@ -24,7 +24,7 @@
 #endif
 
 #if HWY_TARGETS & HWY_AVX2
-#define DREAMSEARCH_OF_AVX2(function) \
+#define DREAMSEARCH_OF_AVX2(function)                                                  \
   if (::dreamsearch::ChosenInstructionSet() >= ::dreamsearch::InstructionSet::kAvx2) { \
     return N_AVX2::function();                                                         \
   }
@@ -34,9 +34,9 @@
 
 // What `function` of the chosen set's namespace returns; to be used in the namespace
 // around it.
-#define DREAMSEARCH_CHOOSE(function)            \
-  ([]() -> decltype(auto) {                     \
-    DREAMSEARCH_OF_AVX512(function)             \
-    DREAMSEARCH_OF_AVX2(function)               \
-    return HWY_STATIC_DISPATCH(function)();     \
+#define DREAMSEARCH_CHOOSE(function)        \
+  ([]() -> decltype(auto) {                 \
+    DREAMSEARCH_OF_AVX512(function)         \
+    DREAMSEARCH_OF_AVX2(function)           \
+    return HWY_STATIC_DISPATCH(function)(); \
   }())

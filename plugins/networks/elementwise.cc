@@ -16,57 +16,54 @@
 #define DREAMSEARCH_NETWORKS_ELEMENTWISE_KERNELS
 
 // Every function of elementwise.h: result, name, parameters, arguments.
-#define DREAMSEARCH_ELEMENTWISE(KERNEL)                                                         \
-  KERNEL(void, FillColumns, (const T* bias, Mat<T> y), (bias, y))                               \
-  KERNEL(void, Add, (In<T> x, Mat<T> y), (x, y))                                                \
-  KERNEL(void, AddColumnSums, (In<T> d, T * sum), (d, sum))                                     \
-  KERNEL(void, Elu, (Mat<T> x), (x))                                                            \
-  KERNEL(void, EluBackward, (In<T> y, Mat<T> d), (y, d))                                        \
-  KERNEL(void, LayerNormElu,                                                                    \
-         (const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse),               \
-         (scale, shift, x, unit, inverse))                                                      \
-  KERNEL(void, LayerNormEluBackward,                                                            \
-         (const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale,             \
-          T* d_shift),                                                                          \
-         (scale, unit, inverse, y, d, d_scale, d_shift))                                        \
-  KERNEL(void, GruForward,                                                                      \
-         (In<T> input, In<T> recurrent, In<T> previous, Mat<T> gates, Mat<T> next),             \
-         (input, recurrent, previous, gates, next))                                             \
-  KERNEL(void, GruBackward,                                                                     \
-         (In<T> gates, In<T> previous, In<T> d_next, Mat<T> d_input, Mat<T> d_recurrent,        \
-          Mat<T> d_previous),                                                                   \
-         (gates, previous, d_next, d_input, d_recurrent, d_previous))                           \
-  KERNEL(void, GaussianForward,                                                                 \
-         (In<T> raw, In<T> noise, T min_std, Mat<T> std, Mat<T> sample),                        \
-         (raw, noise, min_std, std, sample))                                                    \
-  KERNEL(void, GaussianBackward,                                                                \
-         (In<T> std, In<T> noise, T min_std, In<T> d_sample, Mat<T> d_raw),                     \
-         (std, noise, min_std, d_sample, d_raw))                                                \
-  KERNEL(void, GaussianKl,                                                                      \
-         (In<T> q_raw, In<T> q_std, In<T> p_raw, In<T> p_std, Mat<T> kl),                       \
-         (q_raw, q_std, p_raw, p_std, kl))                                                      \
-  KERNEL(void, GaussianKlBackward,                                                              \
-         (In<T> q_raw, In<T> q_std, In<T> p_raw, In<T> p_std, T min_std, In<T> weight,          \
-          T q_factor, T p_factor, Mat<T> d_q, Mat<T> d_p),                                      \
-         (q_raw, q_std, p_raw, p_std, min_std, weight, q_factor, p_factor, d_q, d_p))           \
-  KERNEL(double, SquaredError, (In<T> prediction, In<T> target, T factor, Mat<T> d),            \
-         (prediction, target, factor, d))                                                       \
-  KERNEL(double, BernoulliError, (In<T> logit, In<T> target, T factor, Mat<T> d),               \
-         (logit, target, factor, d))                                                            \
-  KERNEL(void, Sigmoid, (In<T> x, Mat<T> y), (x, y))                                            \
-  KERNEL(void, ActorForward,                                                                    \
-         (In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squashed, Mat<T> std,         \
-          Mat<T> action, Mat<T> entropy),                                                       \
-         (raw, noise, shape, squashed, std, action, entropy))                                   \
-  KERNEL(void, ActorBackward,                                                                   \
-         (In<T> squashed, In<T> std, In<T> action, In<T> noise, const ActorShape& shape,        \
-          In<T> d_action, In<T> entropy_weight, Mat<T> d_raw),                                  \
-         (squashed, std, action, noise, shape, d_action, entropy_weight, d_raw))                \
-  KERNEL(void, ApplyAdam,                                                                       \
-         (const AdamStep& step, Index count, const T* gradient, T* first, T* second, T* value), \
-         (step, count, gradient, first, second, value))                                         \
-  KERNEL(double, SumOfSquares, (const T* x, Index count), (x, count))                           \
-  KERNEL(void, MoveTowards, (const T* fast, T rate, Index count, T* slow),                      \
+#define DREAMSEARCH_ELEMENTWISE(KERNEL)                                                            \
+  KERNEL(void, FillColumns, (const T* bias, Mat<T> y), (bias, y))                                  \
+  KERNEL(void, Add, (In<T> x, Mat<T> y), (x, y))                                                   \
+  KERNEL(void, AddColumnSums, (In<T> d, T * sum), (d, sum))                                        \
+  KERNEL(void, Elu, (Mat<T> x), (x))                                                               \
+  KERNEL(void, EluBackward, (In<T> y, Mat<T> d), (y, d))                                           \
+  KERNEL(void, LayerNormElu,                                                                       \
+         (const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse),                  \
+         (scale, shift, x, unit, inverse))                                                         \
+  KERNEL(void, LayerNormEluBackward,                                                               \
+         (const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale, T* d_shift),   \
+         (scale, unit, inverse, y, d, d_scale, d_shift))                                           \
+  KERNEL(void, GruForward,                                                                         \
+         (In<T> input, In<T> recurrent, In<T> previous, Mat<T> gates, Mat<T> next),                \
+         (input, recurrent, previous, gates, next))                                                \
+  KERNEL(void, GruBackward,                                                                        \
+         (In<T> gates, In<T> previous, In<T> d_next, Mat<T> d_input, Mat<T> d_recurrent,           \
+          Mat<T> d_previous),                                                                      \
+         (gates, previous, d_next, d_input, d_recurrent, d_previous))                              \
+  KERNEL(void, GaussianForward, (In<T> raw, In<T> noise, T min_std, Mat<T> std, Mat<T> sample),    \
+         (raw, noise, min_std, std, sample))                                                       \
+  KERNEL(void, GaussianBackward,                                                                   \
+         (In<T> std, In<T> noise, T min_std, In<T> d_sample, Mat<T> d_raw),                        \
+         (std, noise, min_std, d_sample, d_raw))                                                   \
+  KERNEL(void, GaussianKl, (In<T> q_raw, In<T> q_std, In<T> p_raw, In<T> p_std, Mat<T> kl),        \
+         (q_raw, q_std, p_raw, p_std, kl))                                                         \
+  KERNEL(void, GaussianKlBackward,                                                                 \
+         (In<T> q_raw, In<T> q_std, In<T> p_raw, In<T> p_std, T min_std, In<T> weight, T q_factor, \
+          T p_factor, Mat<T> d_q, Mat<T> d_p),                                                     \
+         (q_raw, q_std, p_raw, p_std, min_std, weight, q_factor, p_factor, d_q, d_p))              \
+  KERNEL(double, SquaredError, (In<T> prediction, In<T> target, T factor, Mat<T> d),               \
+         (prediction, target, factor, d))                                                          \
+  KERNEL(double, BernoulliError, (In<T> logit, In<T> target, T factor, Mat<T> d),                  \
+         (logit, target, factor, d))                                                               \
+  KERNEL(void, Sigmoid, (In<T> x, Mat<T> y), (x, y))                                               \
+  KERNEL(void, ActorForward,                                                                       \
+         (In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squashed, Mat<T> std,            \
+          Mat<T> action, Mat<T> entropy),                                                          \
+         (raw, noise, shape, squashed, std, action, entropy))                                      \
+  KERNEL(void, ActorBackward,                                                                      \
+         (In<T> squashed, In<T> std, In<T> action, In<T> noise, const ActorShape& shape,           \
+          In<T> d_action, In<T> entropy_weight, Mat<T> d_raw),                                     \
+         (squashed, std, action, noise, shape, d_action, entropy_weight, d_raw))                   \
+  KERNEL(void, ApplyAdam,                                                                          \
+         (const AdamStep& step, Index count, const T* gradient, T* first, T* second, T* value),    \
+         (step, count, gradient, first, second, value))                                            \
+  KERNEL(double, SumOfSquares, (const T* x, Index count), (x, count))                              \
+  KERNEL(void, MoveTowards, (const T* fast, T rate, Index count, T* slow),                         \
          (fast, rate, count, slow))
 
 namespace dreamsearch::networks {
@@ -250,8 +247,8 @@ void GruBackward(In<T> gates, In<T> previous, In<T> d_next, Mat<T> d_input, Mat<
     const Vector<T> c = Load(g + 2 * size, n);
     const Vector<T> h = Load(g + 3 * size, n);
     const Vector<T> dy = Load(d_next.col(j) + i, n);
-    const Vector<T> du = hn::Mul(hn::Mul(dy, hn::Sub(Load(previous.col(j) + i, n), c)),
-                                 hn::Mul(u, hn::Sub(one, u)));
+    const Vector<T> du =
+        hn::Mul(hn::Mul(dy, hn::Sub(Load(previous.col(j) + i, n), c)), hn::Mul(u, hn::Sub(one, u)));
     const Vector<T> dc = hn::Mul(hn::Mul(dy, hn::Sub(one, u)), hn::Sub(one, Square(c)));
     const Vector<T> dr = hn::Mul(hn::Mul(dc, h), hn::Mul(r, hn::Sub(one, r)));
     T* in = d_input.col(j) + i;

@@ -139,8 +139,7 @@ void MultiplyColumns(int columns, const T* panels, Index count, Index depth, con
     return;
   }
   if constexpr (C > 1) {
-    MultiplyColumns<C - 1, kOuter>(columns, panels, count, depth, start, start_stride, x, y,
-                                   tiles);
+    MultiplyColumns<C - 1, kOuter>(columns, panels, count, depth, start, start_stride, x, y, tiles);
   }
 }
 
@@ -149,8 +148,8 @@ template <bool kOuter, typename T>
 void MultiplyAll(const T* panels, Index count, Index depth, const T* start, Index start_stride,
                  Factor<T> x, Mat<T> y) {
   const Index tiles = (y.cols + kColumnsPerTile - 1) / kColumnsPerTile;
-  const Index narrow = y.cols / tiles;         // columns of a narrow tile
-  const Index wide_tiles = y.cols % tiles;     // with one more
+  const Index narrow = y.cols / tiles;      // columns of a narrow tile
+  const Index wide_tiles = y.cols % tiles;  // with one more
   Index first = 0;
   const auto run = [&](Index columns, Index n) {
     if (n == 0) return;
@@ -224,8 +223,8 @@ void AddOuter(Mat<const T> dy, Mat<const T> x, Mat<T> dw) {
 
 template <typename T>
 const ProductKernels<T>& KernelsOf() {
-  static constexpr ProductKernels<T> kernels = {
-      static_cast<Index>(HWY_LANES(T)), &Pack<T>, &PackTransposed<T>, &Multiply<T>, &AddOuter<T>};
+  static constexpr ProductKernels<T> kernels = {static_cast<Index>(HWY_LANES(T)), &Pack<T>,
+                                                &PackTransposed<T>, &Multiply<T>, &AddOuter<T>};
   return kernels;
 }
 const ProductKernels<float>& FloatProducts() { return KernelsOf<float>(); }

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "results/figures/figure.h"
 #include "results/analysis/run_groups.h"
 #include "results/analysis/statistics.h"
-#include "results/figures/table.h"
+#include "results/database/table.h"
 
 namespace dreamsearch::results {
 
@@ -54,12 +53,16 @@ Table ImprovementTable(const Comparison& comparison);
 // Everything, the single scores included, as JSON.
 std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest& request);
 
-Figure IntervalFigure(const Comparison& comparison);
-Figure ProfileFigure(const Comparison& comparison);
-Figure ImprovementFigure(const Comparison& comparison);
-// The interquartile mean over tasks and runs against environment steps, where
-// every run of every task has an evaluation.
-Figure EfficiencyFigure(const std::vector<std::unique_ptr<Database>>& databases,
-                        const ComparisonRequest& request);
+// The four aggregates with their names, in the order in which they are shown.
+struct NamedAggregate {
+  const char* name;
+  Estimate Aggregates::*estimate;
+};
+extern const NamedAggregate kAggregates[4];
+
+// "n = 3", or "n = 3 to 5" where tasks have different numbers of runs.
+std::string RunsText(const Contender& contender);
+// The seed of a stream of the bootstrap, by its name.
+std::uint64_t StreamSeed(std::uint64_t seed, const std::string& name);
 
 }  // namespace dreamsearch::results

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "results/database/schema.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -118,7 +119,7 @@ CurveAxis ParseCurveAxis(const std::string& name) {
   if (name == "steps") return CurveAxis::kSteps;
   if (name == "seconds") return CurveAxis::kSeconds;
   if (name == "transitions") return CurveAxis::kTransitions;
-  throw Error(kExitUsage, "no axis '" + name + "'. Known: steps, seconds, transitions");
+  throw Failure(ExitCode::kUsage, "no axis '" + name + "'. Known: steps, seconds, transitions");
 }
 
 int Line::n() const {

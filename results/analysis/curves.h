@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "results/database/database.h"
 #include "results/analysis/run_groups.h"
+#include "results/database/database.h"
 
 namespace dreamsearch::results {
 

@@ -6,8 +6,11 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "results/database/table.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/system/json_text.h"
-#include "results/figures/table.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -16,7 +19,8 @@ constexpr std::int64_t kMostSteps = std::int64_t{1} << 53;
 
 [[noreturn]] void Malformed(const std::string& path, const std::string& where,
                             const std::string& what) {
-  throw Error(kExitBadData, AbsolutePath(path) + (where.empty() ? "" : ":" + where) + ": " + what);
+  throw Failure(ExitCode::kBadInput,
+                AbsolutePath(path) + (where.empty() ? "" : ":" + where) + ": " + what);
 }
 
 // Rows of an RFC 4180 file, with the line each begins on.
@@ -251,7 +255,7 @@ std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::s
   }
   if (format == "scores") return ParseScores(path, rows, settings);
   if (format == "tdmpc2") return ParseTdmpc(path, rows, settings);
-  throw Error(kExitUsage, "no format '" + format + "'. Known: scores, dreamer, tdmpc2");
+  throw Failure(ExitCode::kUsage, "no format '" + format + "'. Known: scores, dreamer, tdmpc2");
 }
 
 std::int64_t StorePublished(Database* database, const std::vector<PublishedPoint>& points) {

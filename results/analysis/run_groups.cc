@@ -8,8 +8,10 @@
 #include <sstream>
 #include <tuple>
 
+#include "results/database/table.h"
+#include "results/system/error.h"
 #include "results/system/json_text.h"
-#include "results/figures/table.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -60,9 +62,10 @@ CurvePhase ParseCurvePhase(const std::string& name) {
   if (name == "training" || name == "0") return CurvePhase::kTraining;
   if (name == "search" || name == "1") return CurvePhase::kSearchEvaluation;
   if (name == "actor" || name == "2") return CurvePhase::kActorEvaluation;
-  throw Error(kExitUsage, "no phase '" + name +
-                              "'. Known: evaluation (search where there is one, else actor), "
-                              "training (0), search (1), actor (2)");
+  throw Failure(ExitCode::kUsage,
+                "no phase '" + name +
+                    "'. Known: evaluation (search where there is one, else actor), "
+                    "training (0), search (1), actor (2)");
 }
 
 bool PlannerBefore(const std::string& a, const std::string& b) {
@@ -155,7 +158,7 @@ std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databas
   const std::string path = databases.front()->path();
   if (evaluations == 0) return path + ": holds no runs of that kind. See `results list`.";
   return path + ": holds no trained runs of that kind, of which there are curves and scores, but " +
-         Grouped(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
+         GroupDigits(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
          ". `results list` and `results show RUN` show their returns, `results export --rows "
          "episodes` gives them.";
 }
@@ -177,7 +180,7 @@ std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
 std::string Unfinished(const RunInfo& run) {
   if (run.status == RunStatus::kFinished) return "";
   return "seed " + std::to_string(run.seed) + " " + RunStatusName(run.status) + " at " +
-         Grouped(run.env_steps_done) + " of " + Grouped(run.env_steps_target) + " steps";
+         GroupDigits(run.env_steps_done) + " of " + GroupDigits(run.env_steps_target) + " steps";
 }
 
 std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,

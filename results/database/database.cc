@@ -17,6 +17,8 @@
 
 #include "results/database/derived_rows.h"
 #include "results/database/schema.h"
+#include "results/system/file.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -56,19 +58,19 @@ void CreateFolders(const std::string& path) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   std::filesystem::create_directories(folder, error);
   if (!error) return;
-  int exit_code = kExitCannotCreate;
-  if (error == std::errc::permission_denied) exit_code = kExitPermission;
+  ExitCode code = ExitCode::kCannotCreate;
+  if (error == std::errc::permission_denied) code = ExitCode::kPermission;
   if (error == std::errc::no_space_on_device || error == std::errc::io_error) {
-    exit_code = kExitInputOutput;
+    code = ExitCode::kInputOutput;
   }
-  throw Error(exit_code, folder.string() + ": the database's folder cannot be created (" +
-                             error.message() + "). Name another file with --db.");
+  throw Failure(code, folder.string() + ": the database's folder cannot be created (" +
+                          error.message() + "). Name another file with --db.");
 }
 
 std::string NamedPath(const std::string& path) {
   if (path.empty()) {
-    throw Error(kExitUsage,
-                "expected the name of a results database, found nothing. Name one with --db.");
+    throw Failure(ExitCode::kUsage,
+                  "expected the name of a results database, found nothing. Name one with --db.");
   }
   // The file behind all links, also one that is yet to be made. What is wrong with a path
   // that cannot be followed shows when it is opened.
@@ -177,9 +179,10 @@ RunStatus ParseRunStatus(const std::string& name) {
   for (int i = 0; i < 8; ++i) {
     if (name == kStatusNames[i]) return static_cast<RunStatus>(i);
   }
-  throw Error(kExitBadData, "no run status '" + name +
-                                "'. Known: queued, running, finished, interrupted, failed, "
-                                "crashed, diverged, killed");
+  throw Failure(ExitCode::kBadInput,
+                "no run status '" + name +
+                    "'. Known: queued, running, finished, interrupted, failed, "
+                    "crashed, diverged, killed");
 }
 
 std::string UtcNow() { return UtcText(NowMilliseconds()); }
@@ -187,7 +190,7 @@ std::string UtcNow() { return UtcText(NowMilliseconds()); }
 std::string NewUuid() {
   unsigned char bytes[16];
   if (getrandom(bytes, sizeof bytes, 0) != sizeof bytes) {
-    throw Error(kExitInternal, "getrandom gave no random bytes for a UUID");
+    throw Failure(ExitCode::kInternal, "getrandom gave no random bytes for a UUID");
   }
   bytes[6] = static_cast<unsigned char>((bytes[6] & 0x0f) | 0x40);
   bytes[8] = static_cast<unsigned char>((bytes[8] & 0x3f) | 0x80);
@@ -218,16 +221,16 @@ void Database::CheckWritable(const std::string& path) {
     folder = folder.parent_path();
   }
   if (!std::filesystem::is_directory(folder, error)) {
-    throw Error(kExitCannotCreate, folder.string() +
-                                       ": is no folder, so the database's folder "
-                                       "cannot be created. Name another file with "
-                                       "--db.");
+    throw Failure(ExitCode::kCannotCreate, folder.string() +
+                                               ": is no folder, so the database's folder "
+                                               "cannot be created. Name another file with "
+                                               "--db.");
   }
   if (access(folder.c_str(), W_OK | X_OK) != 0) {
-    throw Error(kExitPermission, folder.string() +
-                                     ": may not be written by this user, so the "
-                                     "database cannot be. Name another file with "
-                                     "--db.");
+    throw Failure(ExitCode::kPermission, folder.string() +
+                                             ": may not be written by this user, so the "
+                                             "database cannot be. Name another file with "
+                                             "--db.");
   }
 }
 
@@ -237,30 +240,33 @@ Database::Database(const std::string& path, OpenMode mode) {
   const std::filesystem::file_status status = std::filesystem::status(absolute, error);
   if (status.type() == std::filesystem::file_type::not_found) {
     if (mode != OpenMode::kCreate) {
-      throw Error(kExitNoInput, absolute + ": there is no such database. Name one with --db.");
+      throw Failure(ExitCode::kNotFound,
+                    absolute + ": there is no such database. Name one with --db.");
     }
     CreateFolders(absolute);
   } else if (error) {
-    throw Error(error == std::errc::permission_denied ? kExitPermission : kExitInputOutput,
-                absolute + ": cannot be reached: " + error.message());
+    throw Failure(
+        error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kInputOutput,
+        absolute + ": cannot be reached: " + error.message());
   } else if (status.type() == std::filesystem::file_type::directory) {
-    throw Error(mode == OpenMode::kCreate ? kExitCannotCreate : kExitBadData,
-                absolute + ": expected a results database, found a folder.");
+    throw Failure(mode == OpenMode::kCreate ? ExitCode::kCannotCreate : ExitCode::kBadInput,
+                  absolute + ": expected a results database, found a folder.");
   } else if (status.type() != std::filesystem::file_type::regular) {
-    throw Error(mode == OpenMode::kCreate ? kExitCannotCreate : kExitBadData,
-                absolute + ": expected a results database, found a device, a pipe or a socket. "
-                           "Name another file with --db.");
+    throw Failure(mode == OpenMode::kCreate ? ExitCode::kCannotCreate : ExitCode::kBadInput,
+                  absolute +
+                      ": expected a results database, found a device, a pipe or a socket. "
+                      "Name another file with --db.");
   } else if (access(absolute.c_str(), mode == OpenMode::kReadOnly ? R_OK : R_OK | W_OK) != 0) {
-    throw Error(kExitPermission, absolute + ": may not be " +
-                                     (mode == OpenMode::kReadOnly ? "read" : "written") +
-                                     " by this user.");
+    throw Failure(ExitCode::kPermission, absolute + ": may not be " +
+                                             (mode == OpenMode::kReadOnly ? "read" : "written") +
+                                             " by this user.");
   }
   const bool folder_writable =
       access(std::filesystem::path(absolute).parent_path().c_str(), W_OK) == 0;
   if (mode != OpenMode::kReadOnly && !folder_writable) {
-    throw Error(kExitPermission,
-                std::filesystem::path(absolute).parent_path().string() +
-                    ": may not be written by this user; the database needs its journal there.");
+    throw Failure(ExitCode::kPermission,
+                  std::filesystem::path(absolute).parent_path().string() +
+                      ": may not be written by this user; the database needs its journal there.");
   }
   // A reader in WAL mode needs files of its own beside the database, and only one
   // that may write takes them away again at its end. query_only keeps it from
@@ -294,21 +300,24 @@ void Database::Prepare(OpenMode mode) {
 
   const bool create = mode == OpenMode::kCreate && blank();
   if (!create && !ours()) {
-    throw Error(kExitBadData, path() + ": " +
-                                  (blank() ? "is empty, not a results database."
-                                           : "is an SQLite file of another program, not a results "
-                                             "database.") +
-                                  " Name another file with --db.");
+    throw Failure(ExitCode::kBadInput,
+                  path() + ": " +
+                      (blank() ? "is empty, not a results database."
+                               : "is an SQLite file of another program, not a results "
+                                 "database.") +
+                      " Name another file with --db.");
   }
   if (version() > SchemaVersion()) {
-    throw Error(kExitBadData, path() + ": has schema " + std::to_string(version()) +
-                                  ", this program knows up to " + std::to_string(SchemaVersion()) +
-                                  ". Use the newer program that wrote it.");
+    throw Failure(ExitCode::kBadInput, path() + ": has schema " + std::to_string(version()) +
+                                           ", this program knows up to " +
+                                           std::to_string(SchemaVersion()) +
+                                           ". Use the newer program that wrote it.");
   }
   if (version() < SchemaVersion() && mode == OpenMode::kReadOnly) {
-    throw Error(kExitPermission, path() + ": has the older schema " + std::to_string(version()) +
-                                     ", expected " + std::to_string(SchemaVersion()) +
-                                     "; to bring it up to date, it must be writable. Read a copy.");
+    throw Failure(ExitCode::kPermission,
+                  path() + ": has the older schema " + std::to_string(version()) + ", expected " +
+                      std::to_string(SchemaVersion()) +
+                      "; to bring it up to date, it must be writable. Read a copy.");
   }
 
   db.Execute("PRAGMA foreign_keys = ON; PRAGMA trusted_schema = OFF; PRAGMA cache_size = -16000");
@@ -365,14 +374,14 @@ void Database::Migrate() {
     if (active.Bind(kAliveSeconds).Step()) {
       char age[32];
       std::snprintf(age, sizeof age, "%.0f", std::max(active.Real(1), 0.0));
-      throw Error(kExitInputOutput,
-                  path() + ": has the older schema " + std::to_string(version) + ", expected " +
-                      std::to_string(SchemaVersion()) + ", and run " +
-                      std::to_string(active.Int(0)) + " was active " + age +
-                      " s ago: the program that runs it would not know the newer schema. Wait "
-                      "until it and what is queued behind it have ended; or use the older "
-                      "program; or read a copy (sqlite3 FILE \".backup COPY\"), which opens a "
-                      "minute after it was made.");
+      throw Failure(ExitCode::kInputOutput,
+                    path() + ": has the older schema " + std::to_string(version) + ", expected " +
+                        std::to_string(SchemaVersion()) + ", and run " +
+                        std::to_string(active.Int(0)) + " was active " + age +
+                        " s ago: the program that runs it would not know the newer schema. Wait "
+                        "until it and what is queued behind it have ended; or use the older "
+                        "program; or read a copy (sqlite3 FILE \".backup COPY\"), which opens a "
+                        "minute after it was made.");
     }
   }
   db.Execute(DropViews());
@@ -447,11 +456,11 @@ std::int64_t Database::Task(const TaskInfo& task) {
     std::string known;
     for (int i = 2; i < 9; ++i) known += (i == 2 ? "" : ", ") + find.Text(i);
     find.Reset();
-    throw Error(kExitBadData,
-                path() + ": task '" + task.name +
-                    "' was recorded with other figures (observation size, action size, control "
-                    "seconds, sub-steps, episode steps, return range: " +
-                    known + "). Runs of both must not be averaged: use another --db.");
+    throw Failure(ExitCode::kBadInput,
+                  path() + ": task '" + task.name +
+                      "' was recorded with other figures (observation size, action size, control "
+                      "seconds, sub-steps, episode steps, return range: " +
+                      known + "). Runs of both must not be averaged: use another --db.");
   };
   if (found()) return id;
   connection_->Transact([&] {
@@ -528,7 +537,8 @@ PluginInfo Database::GetPlugin(std::int64_t plugin_id) {
   Statement row = connection_->Prepare(
       "SELECT name, version, abi, file, sha256 FROM plugin WHERE plugin_id = ?1");
   if (!row.Bind(plugin_id).Step()) {
-    throw Error(kExitInternal, path() + ": there is no plugin row " + std::to_string(plugin_id));
+    throw Failure(ExitCode::kInternal,
+                  path() + ": there is no plugin row " + std::to_string(plugin_id));
   }
   return {row.Text(0), row.Text(1), row.Text(2), row.Text(3), row.Text(4)};
 }
@@ -538,7 +548,8 @@ BuildInfo Database::GetBuild(std::int64_t build_id) {
       "SELECT version, commit_hash, dirty, compiler, flags, instruction_set, libraries FROM build"
       " WHERE build_id = ?1");
   if (!row.Bind(build_id).Step()) {
-    throw Error(kExitInternal, path() + ": there is no build row " + std::to_string(build_id));
+    throw Failure(ExitCode::kInternal,
+                  path() + ": there is no build row " + std::to_string(build_id));
   }
   return {row.Text(0), row.Text(1), row.Int(2) != 0, row.Text(3),
           row.Text(4), row.Text(5), row.Text(6)};
@@ -580,7 +591,8 @@ CreatedRun Database::CreateRun(const NewRun& run) {
         .Bind(uuid, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id,
-              RelativePath(NewRunFolder(uuid) + "/" + run.log_name), run.argv, run.build_id, UtcNow())
+              RelativePath(NewRunFolder(uuid) + "/" + run.log_name), run.argv, run.build_id,
+              UtcNow())
         .Run();
     result = {connection_->LastInsertId(), uuid, true};
   });
@@ -614,7 +626,7 @@ bool Database::SetRunStatus(std::int64_t run_id, RunStatus status, std::optional
         taken_over = true;
         return;
       }
-      throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
+      throw Failure(ExitCode::kNotFound, path() + ": there is no run " + std::to_string(run_id));
     }
     UnsealRecord(*connection_, run_id);
     if (!ended) return;
@@ -634,7 +646,7 @@ void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
   connection_->Transact([&] {
     Statement find = connection_->Prepare("SELECT uuid FROM run WHERE run_id = ?1");
     if (!find.Bind(run_id).Step()) {
-      throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
+      throw Failure(ExitCode::kNotFound, path() + ": there is no run " + std::to_string(run_id));
     }
     const std::string uuid = find.Text(0);
     find.Reset();
@@ -672,7 +684,7 @@ void Database::DeleteRun(std::int64_t run_id) {
         .Run();
     connection_->Prepare("DELETE FROM run WHERE run_id = ?1").Bind(run_id).Run();
     if (connection_->Changes() != 1) {
-      throw Error(kExitNoInput, path() + ": there is no run " + std::to_string(run_id));
+      throw Failure(ExitCode::kNotFound, path() + ": there is no run " + std::to_string(run_id));
     }
   });
 }
@@ -718,16 +730,17 @@ RunInfo Database::GetRun(const std::string& id_or_uuid) {
   }
   if (matches.size() == 1) return matches.front();
   if (matches.size() > 1) {
-    throw Error(kExitUsage, path() + ": run '" + id_or_uuid + "' is ambiguous: " + matches[0].uuid +
-                                " and " + matches[1].uuid + " begin so.");
+    throw Failure(ExitCode::kUsage, path() + ": run '" + id_or_uuid + "' is ambiguous: " +
+                                        matches[0].uuid + " and " + matches[1].uuid + " begin so.");
   }
   const std::int64_t count = connection_->QueryInt("SELECT count(*) FROM run").value_or(0);
   const std::int64_t last = connection_->QueryInt("SELECT max(run_id) FROM run").value_or(0);
-  throw Error(kExitNoInput, path() + ": no run '" + id_or_uuid + "'. Expected a run_id or the " +
-                                "beginning of a UUID (4 characters or more); there are " +
-                                std::to_string(count) + " runs" +
-                                (count > 0 ? ", the last is " + std::to_string(last) : "") +
-                                ". See `results list`.");
+  throw Failure(ExitCode::kNotFound,
+                path() + ": no run '" + id_or_uuid + "'. Expected a run_id or the " +
+                    "beginning of a UUID (4 characters or more); there are " +
+                    std::to_string(count) + " runs" +
+                    (count > 0 ? ", the last is " + std::to_string(last) : "") +
+                    ". See `results list`.");
 }
 
 std::vector<EpisodeInfo> Database::ListEpisodes(std::int64_t run_id) {

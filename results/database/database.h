@@ -1,7 +1,7 @@
 // database.h - the results database: opening it, and the rows that say what a
 // run is. What a run does is written by RunWriter.
 //
-// Errors   every call throws results::Error, which carries an exit code: 65 not
+// Errors   every call throws Failure, which carries an exit code: 65 not
 //          our database, damaged, or of a newer schema; 66 no such file; 73 cannot
 //          be created; 74 disk full, input/output error, locked for 30 s, deleted
 //          while open, or of an older schema with a run still active; 77 permission.
@@ -21,8 +21,9 @@
 #include <vector>
 
 #include "results/database/digest.h"
-#include "results/system/error.h"
 #include "results/database/sqlite.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 

@@ -8,11 +8,6 @@
 
 namespace dreamsearch::results {
 
-// SHA-256 as 64 lower-case hexadecimal digits.
-std::string Sha256Hex(std::string_view bytes);
-// The same of a file's content. Throws Error if it cannot be read.
-std::string Sha256HexOfFile(const std::string& path);
-
 // A digest of 64-bit words in order. Its whole state is one number, so that it
 // can be kept in a checkpoint. The step is the SplitMix64 finaliser (Steele, Lea,
 // Flood 2014) of the state mixed with the word: for a given state it is a

@@ -6,7 +6,8 @@
 #include <map>
 #include <tuple>
 
-#include "results/figures/table.h"
+#include "results/database/table.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -21,7 +22,7 @@ class Attached {
   ~Attached() {
     try {
       db_->Execute("DETACH source");
-    } catch (const Error&) {
+    } catch (const Failure&) {
       // The connection goes away with it.
     }
   }
@@ -39,7 +40,7 @@ class Merger {
 
   MergeResult Run() {
     if (source_->path() == target_->path()) {
-      throw Error(kExitUsage, source_->path() + ": cannot be merged into itself");
+      throw Failure(ExitCode::kUsage, source_->path() + ": cannot be merged into itself");
     }
     // Parents before the evaluations that name them.
     std::vector<RunInfo> runs = source_->ListRuns();

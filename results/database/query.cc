@@ -4,6 +4,9 @@
 
 #include <cstring>
 
+#include "results/system/error.h"
+#include "results/system/text.h"
+
 namespace dreamsearch::results {
 namespace {
 
@@ -38,13 +41,14 @@ Table RunQuery(Database* database, const std::string& sql) {
   const std::string path = database->path();
   Statement statement(prepared, &path);
   if ((code & 0xff) == SQLITE_AUTH) {
-    throw Error(kExitUsage, "the query may read tables and views and nothing else");
+    throw Failure(ExitCode::kUsage, "the query may read tables and views and nothing else");
   }
-  if (code != SQLITE_OK) throw Error(kExitUsage, path + ": the query is not understood: " + reason);
-  if (prepared == nullptr) throw Error(kExitUsage, "expected a query, found none");
+  if (code != SQLITE_OK)
+    throw Failure(ExitCode::kUsage, path + ": the query is not understood: " + reason);
+  if (prepared == nullptr) throw Failure(ExitCode::kUsage, "expected a query, found none");
   const std::string left(rest, sql.data() + sql.size());
   if (left.find_first_not_of(" \t\r\n;") != std::string::npos) {
-    throw Error(kExitUsage, "expected one query, found more after it: " + Printable(left));
+    throw Failure(ExitCode::kUsage, "expected one query, found more after it: " + Printable(left));
   }
   return ReadTable(&statement);
 }

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "results/database/database.h"
-#include "results/figures/table.h"
+#include "results/database/table.h"
 
 namespace dreamsearch::results {
 

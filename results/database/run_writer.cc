@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "results/database/derived_rows.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -68,7 +69,8 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
       last_commit_(std::chrono::steady_clock::now()) {
   const std::optional<RunInfo> run = database->GetRun(run_id);
   if (!run) {
-    throw Error(kExitNoInput, connection_.path() + ": there is no run " + std::to_string(run_id));
+    throw Failure(ExitCode::kNotFound,
+                  connection_.path() + ": there is no run " + std::to_string(run_id));
   }
   env_steps_done_ = run->env_steps_done;
 
@@ -118,10 +120,11 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
   // Before the transaction, which others wait for: this process alone writes the run.
   const RowSums rows = SumRows(connection_, run_id_, point);
   if (point.rows && *point.rows != rows) {
-    throw Error(kExitBadData, connection_.path() + ": run " + std::to_string(run_id_) +
-                                  " does not have the rows that its checkpoint of environment "
-                                  "step " +
-                                  std::to_string(point.env_step) + " was made with.");
+    throw Failure(ExitCode::kBadInput,
+                  connection_.path() + ": run " + std::to_string(run_id_) +
+                      " does not have the rows that its checkpoint of environment "
+                      "step " +
+                      std::to_string(point.env_step) + " was made with.");
   }
   std::int64_t rolled_back = 0;
   std::int64_t number = 0;
@@ -276,8 +279,8 @@ std::int64_t RunWriter::Metric(const std::string& name, const std::string& unit,
 
 void RunWriter::AddScalar(std::int64_t env_step, std::int64_t metric_id, double value) {
   if (metric_digests_.find(metric_id) == metric_digests_.end()) {
-    throw Error(kExitInternal, "metric " + std::to_string(metric_id) +
-                                   " was not asked for with RunWriter::Metric");
+    throw Failure(ExitCode::kInternal, "metric " + std::to_string(metric_id) +
+                                           " was not asked for with RunWriter::Metric");
   }
   if (!std::isfinite(value)) {
     for (const auto& [name, id] : metrics_) {
@@ -291,9 +294,9 @@ void RunWriter::AddScalar(std::int64_t env_step, std::int64_t metric_id, double 
 void RunWriter::AddTimeUse(std::int64_t env_step, const std::string& activity, double seconds) {
   if (std::find(std::begin(kActivities), std::end(kActivities), activity) ==
       std::end(kActivities)) {
-    throw Error(kExitInternal, "no activity '" + activity +
-                                   "'. Known: environment, planning, learning, evaluation, "
-                                   "recording, other");
+    throw Failure(ExitCode::kInternal, "no activity '" + activity +
+                                           "'. Known: environment, planning, learning, evaluation, "
+                                           "recording, other");
   }
   CheckFinite(seconds, env_step, "time_use.seconds");
   time_uses_.push_back({env_step, activity, seconds});
@@ -303,7 +306,8 @@ void RunWriter::AddTimeUse(std::int64_t env_step, const std::string& activity, d
 void RunWriter::AddEvent(std::int64_t env_step, const std::string& level, const std::string& kind,
                          const std::string& detail) {
   if (level != "info" && level != "warning" && level != "error") {
-    throw Error(kExitInternal, "no event level '" + level + "'. Known: info, warning, error");
+    throw Failure(ExitCode::kInternal,
+                  "no event level '" + level + "'. Known: info, warning, error");
   }
   new_events_.push_back({env_step, UtcNow(), level, kind, detail});
   ++rows_waiting_;  // committed with the row it belongs to
@@ -322,14 +326,16 @@ void RunWriter::CheckOwnership() {
   const std::int64_t last = last_segment_.Step() ? last_segment_.OptionalInt(0).value_or(-1) : -1;
   last_segment_.Reset();
   if (segment_ < 0) {
-    throw Error(kExitInternal, "RunWriter::BeginSegment comes before anything is committed");
+    throw Failure(ExitCode::kInternal,
+                  "RunWriter::BeginSegment comes before anything is committed");
   }
   if (last != segment_) {
-    throw Error(kExitInputOutput, connection_.path() + ": run " + std::to_string(run_id_) +
-                                      (last < 0 ? " was deleted"
-                                                : " was taken over by another "
-                                                  "process") +
-                                      " while this process worked on it. Let one of them go on.");
+    throw Failure(ExitCode::kInputOutput,
+                  connection_.path() + ": run " + std::to_string(run_id_) +
+                      (last < 0 ? " was deleted"
+                                : " was taken over by another "
+                                  "process") +
+                      " while this process worked on it. Let one of them go on.");
   }
 }
 

@@ -8,7 +8,7 @@
 // A row whose key is there already replaces it: a resumed run remakes its rows.
 // A number that is not finite is stored as NULL together with an event.
 //
-// Errors   results::Error as in database.h. A failed Commit has stored nothing and
+// Errors   Failure as in database.h. A failed Commit has stored nothing and
 //          keeps its rows, so it can be tried again once there is space.
 #pragma once
 
@@ -84,7 +84,7 @@ struct ResumePoint {
   std::int64_t training_episodes = 0;  // finished ones: their indices are below
   std::int64_t search_evaluation_episodes = 0;
   std::int64_t actor_evaluation_episodes = 0;
-  std::int64_t events = 0;  // RunWriter::events() when the checkpoint was made
+  std::int64_t events = 0;      // RunWriter::events() when the checkpoint was made
   std::optional<RowSums> rows;  // RunWriter::rows() then
 };
 

@@ -349,8 +349,7 @@ ALTER TABLE chunk_digest_2 RENAME TO chunk_digest;
 
 const std::vector<std::string>& Migrations() {
   static const std::vector<std::string> migrations = {
-      std::string(kTables) + kTriggers,
-      kRecordDigests,
+      std::string(kTables) + kTriggers, kRecordDigests,
       "",  // views
       "",  // Evaluations without a parent left the views.
   };

@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "results/system/error.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -45,40 +46,43 @@ bool IsUnchangeable(const std::string& path) {
   const std::string where = path + ": " + what + ": ";
   switch (code & 0xff) {
     case SQLITE_NOTADB:
-      throw Error(kExitBadData, where + "this is not an SQLite file. Name a results database.");
+      throw Failure(ExitCode::kBadInput,
+                    where + "this is not an SQLite file. Name a results database.");
     case SQLITE_CORRUPT:
-      throw Error(kExitBadData, where + "the file is damaged (" + reason +
-                                    "). Restore a copy, or recover rows with sqlite3's .recover.");
+      throw Failure(ExitCode::kBadInput,
+                    where + "the file is damaged (" + reason +
+                        "). Restore a copy, or recover rows with sqlite3's .recover.");
     case SQLITE_FULL:
-      throw Error(kExitInputOutput, where + "the disk is full (" + FreeSpace(path) +
-                                        "). Make room and run the same command again.");
+      throw Failure(ExitCode::kInputOutput, where + "the disk is full (" + FreeSpace(path) +
+                                                "). Make room and run the same command again.");
     case SQLITE_IOERR:
-      throw Error(kExitInputOutput, where + "input/output error (" + reason + "; " +
-                                        FreeSpace(path) +
-                                        "). Check the disk and run the same command again.");
+      throw Failure(ExitCode::kInputOutput,
+                    where + "input/output error (" + reason + "; " + FreeSpace(path) +
+                        "). Check the disk and run the same command again.");
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-      throw Error(kExitInputOutput,
-                  where +
-                      "another process kept the database locked for 30 seconds. End it, or "
-                      "use another database and merge.");
+      throw Failure(ExitCode::kInputOutput,
+                    where +
+                        "another process kept the database locked for 30 seconds. End it, or "
+                        "use another database and merge.");
     case SQLITE_READONLY:
     case SQLITE_PERM:
     case SQLITE_AUTH:
-      throw Error(kExitPermission, where + "no permission (" + reason +
-                                       "). Write access to the file and its "
-                                       "folder is needed.");
+      throw Failure(ExitCode::kPermission, where + "no permission (" + reason +
+                                               "). Write access to the file and its "
+                                               "folder is needed.");
     case SQLITE_CANTOPEN:
-      throw Error(kExitCannotCreate, where + "cannot be opened (" + reason +
-                                         "). Check that the folder exists and can be written.");
+      throw Failure(ExitCode::kCannotCreate,
+                    where + "cannot be opened (" + reason +
+                        "). Check that the folder exists and can be written.");
     case SQLITE_ERROR:
       if (reason.rfind("no such table", 0) == 0 || reason.rfind("no such column", 0) == 0) {
-        throw Error(kExitBadData,
-                    where + reason + ": not a whole results database. Restore a copy.");
+        throw Failure(ExitCode::kBadInput,
+                      where + reason + ": not a whole results database. Restore a copy.");
       }
       [[fallthrough]];
     default:
-      throw Error(kExitInternal, where + reason);
+      throw Failure(ExitCode::kInternal, where + reason);
   }
 }
 
@@ -86,12 +90,6 @@ bool IsUnchangeable(const std::string& path) {
 
 std::string ReadOnlyUri(const std::string& path) {
   return FileUri(path) + (IsUnchangeable(path) ? "?immutable=1" : "?mode=ro");
-}
-
-std::string AbsolutePath(const std::string& path) {
-  std::error_code ignored;
-  const std::filesystem::path absolute = std::filesystem::absolute(path, ignored);
-  return absolute.empty() ? path : absolute.lexically_normal().string();
 }
 
 void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what) {
@@ -232,10 +230,10 @@ void Connection::Transact(const std::function<void()>& body) {
   sqlite3_file_control(handle_, "main", SQLITE_FCNTL_HAS_MOVED, &moved);
   const bool wal_there = access((path_ + "-wal").c_str(), F_OK) == 0;
   if (moved != 0 || (wal_seen_ && !wal_there)) {
-    throw Error(kExitInputOutput,
-                path_ + (moved != 0 ? "" : "-wal") +
-                    ": was deleted or replaced while it was in use. Nothing more is written to "
-                    "it; run the same command again.");
+    throw Failure(ExitCode::kInputOutput,
+                  path_ + (moved != 0 ? "" : "-wal") +
+                      ": was deleted or replaced while it was in use. Nothing more is written to "
+                      "it; run the same command again.");
   }
   Execute("BEGIN IMMEDIATE");
   in_transaction_ = true;

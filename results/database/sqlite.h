@@ -126,9 +126,6 @@ class Connection {
 // A URI under which any connection opens the file for reading only.
 std::string ReadOnlyUri(const std::string& path);
 
-// The absolute form of a path, for messages and comparisons.
-std::string AbsolutePath(const std::string& path);
-
 // Throws the Error for what the connection last reported. `what` says what was
 // being done.
 [[noreturn]] void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what);

@@ -7,7 +7,9 @@
 
 #include "results/database/derived_rows.h"
 #include "results/database/schema.h"
-#include "results/figures/table.h"
+#include "results/database/table.h"
+#include "results/system/sha256.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -52,7 +54,7 @@ class Holes {
   void Report(const std::string& name, std::vector<std::string>* problems) const {
     if (count_ == 0) return;
     problems->push_back(name + what_ + " are missing " + first_ +
-                        (count_ > 1 ? ", and in " + Grouped(count_ - 1) + " more places" : ""));
+                        (count_ > 1 ? ", and in " + GroupDigits(count_ - 1) + " more places" : ""));
   }
 
  private:
@@ -62,7 +64,7 @@ class Holes {
 };
 
 std::string Between(std::int64_t before, std::int64_t after) {
-  return "between environment steps " + Grouped(before) + " and " + Grouped(after);
+  return "between environment steps " + GroupDigits(before) + " and " + GroupDigits(after);
 }
 
 // Decisions are numbered from 0 in each episode and make at most action_repeat steps.
@@ -109,7 +111,7 @@ void FindHolesInEpisodes(Connection& db, const RunInfo& run, const std::string& 
       if (trained) {
         training.Add(Between(env_step, rows.Int(2)));
       } else {
-        evaluation.Add("before episode " + Grouped(rows.Int(1)) + " of phase " +
+        evaluation.Add("before episode " + GroupDigits(rows.Int(1)) + " of phase " +
                        std::to_string(phase));
       }
     }
@@ -134,8 +136,8 @@ void FindHolesInSegments(Connection& db, const RunInfo& run, const std::string& 
     if (rows.Int(0) != expected) {
       problems->push_back(segment + " is there, but not segment " + std::to_string(expected));
     } else if (end && rows.Int(1) > *end) {
-      problems->push_back(segment + " begins at environment step " + Grouped(rows.Int(1)) +
-                          ", but what was before it ended at " + Grouped(*end));
+      problems->push_back(segment + " begins at environment step " + GroupDigits(rows.Int(1)) +
+                          ", but what was before it ended at " + GroupDigits(*end));
     }
     expected = rows.Int(0) + 1;
     end = rows.OptionalInt(2);
@@ -153,13 +155,13 @@ void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>*
   keys.insert(computed.begin(), computed.end());
   for (const auto& [key, ignored] : keys) {
     const auto& [table, bin] = key;
-    const std::string where = name + table + " rows of steps " + Grouped(FirstStepOfBin(bin)) +
-                              " to " + Grouped(bin * kBinSteps) + ": ";
+    const std::string where = name + table + " rows of steps " + GroupDigits(FirstStepOfBin(bin)) +
+                              " to " + GroupDigits(bin * kBinSteps) + ": ";
     const auto a = stored.find(key), b = computed.find(key);
     const std::int64_t digested = a == stored.end() ? 0 : a->second.rows;
     const std::int64_t found = b == computed.end() ? 0 : b->second.rows;
     if (digested != found) {
-      problems->push_back(where + Grouped(digested) + " were written, " + Grouped(found) +
+      problems->push_back(where + GroupDigits(digested) + " were written, " + GroupDigits(found) +
                           " are there");
     } else if (!(a->second == b->second)) {
       problems->push_back(where + "their digest is not the one they were written with");
@@ -226,8 +228,8 @@ std::string FirstDifference(Statement* a, Statement* b, const std::string& what,
     const Statement& present = more_a ? *a : *b;
     std::string where = what;
     for (int i = 0; i < keys; ++i) {
-      where += (i == 0 ? " (" : ", ") + columns[static_cast<std::size_t>(i)] + " " +
-               present.Text(i);
+      where +=
+          (i == 0 ? " (" : ", ") + columns[static_cast<std::size_t>(i)] + " " + present.Text(i);
     }
     where += "): ";
     if (more_a != more_b) return where + (more_a ? "stored" : "repeated") + " only";
@@ -242,8 +244,8 @@ std::string FirstDifference(Statement* a, Statement* b, const std::string& what,
 
 }  // namespace
 
-std::vector<std::string> CompareRuns(Database* stored, std::int64_t stored_run,
-                                     Database* repeated, std::int64_t repeated_run) {
+std::vector<std::string> CompareRuns(Database* stored, std::int64_t stored_run, Database* repeated,
+                                     std::int64_t repeated_run) {
   struct Compared {
     const char* what;
     const char* sql;
@@ -254,12 +256,13 @@ std::vector<std::string> CompareRuns(Database* stored, std::int64_t stored_run,
       {"decision",
        "SELECT env_step, episode, t, reward, value, simulations, nodes, depth FROM step"
        " WHERE run_id = ?1 ORDER BY env_step",
-       {"env_step", "episode", "t", "reward", "value", "simulations", "nodes", "depth"}, 3},
+       {"env_step", "episode", "t", "reward", "value", "simulations", "nodes", "depth"},
+       3},
       {"episode",
        "SELECT env_step, phase, episode, length, episode_return, model_transitions, digest"
        " FROM episode WHERE run_id = ?1 ORDER BY env_step, phase, episode",
-       {"env_step", "phase", "episode", "length", "episode_return", "model_transitions",
-        "digest"}, 3}};
+       {"env_step", "phase", "episode", "length", "episode_return", "model_transitions", "digest"},
+       3}};
   std::vector<std::string> differences;
   for (const Compared& table : tables) {
     Statement a = stored->connection().Prepare(table.sql);

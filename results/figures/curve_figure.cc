@@ -6,6 +6,9 @@
 #include <map>
 #include <set>
 
+#include "results/system/error.h"
+#include "results/system/text.h"
+
 namespace dreamsearch::results {
 namespace {
 
@@ -190,9 +193,9 @@ CurveInterval ParseCurveInterval(const std::string& name) {
   if (name == "minmax") return CurveInterval::kMinMax;
   if (name == "t95") return CurveInterval::kT95;
   if (name == "none") return CurveInterval::kNone;
-  throw Error(kExitUsage, "no interval '" + name +
-                              "'. Known: minmax (minimum to maximum over seeds), t95 (95 % "
-                              "confidence of the mean, Student's t), none");
+  throw Failure(ExitCode::kUsage, "no interval '" + name +
+                                      "'. Known: minmax (minimum to maximum over seeds), t95 (95 % "
+                                      "confidence of the mean, Student's t), none");
 }
 
 std::vector<std::string> Gaps(const std::vector<Line>& lines) {

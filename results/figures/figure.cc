@@ -14,9 +14,11 @@
 #include <fstream>
 #include <sstream>
 
-#include "results/system/error.h"
 #include "results/database/sqlite.h"
-#include "results/figures/table.h"
+#include "results/database/table.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -674,7 +676,8 @@ std::string RunGnuplot(const std::string& script, bool with_fonts) {
   std::string folder =
       (std::filesystem::temp_directory_path() / "dreamsearch-figure-XXXXXX").string();
   if (mkdtemp(folder.data()) == nullptr) {
-    throw Error(kExitCannotCreate, folder + ": no temporary folder: " + std::strerror(errno));
+    throw Failure(ExitCode::kCannotCreate,
+                  folder + ": no temporary folder: " + std::strerror(errno));
   }
   struct Remove {
     std::string folder;
@@ -689,13 +692,14 @@ std::string RunGnuplot(const std::string& script, bool with_fonts) {
   const char* arguments[] = {"gnuplot", "-d", "script", nullptr};
   const int status = Run(arguments, folder, "messages");
   if (status == -1) {
-    throw Error(kExitNoInput,
-                std::string("gnuplot, which draws the pictures, cannot be started: ") +
-                    std::strerror(errno) + ". Install the package gnuplot-nox.");
+    throw Failure(ExitCode::kNotFound,
+                  std::string("gnuplot, which draws the pictures, cannot be started: ") +
+                      std::strerror(errno) + ". Install the package gnuplot-nox.");
   }
   std::string bytes = ReadFile(folder + "/figure");
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0 || bytes.empty()) {
-    throw Error(kExitInternal, "gnuplot drew no picture: " + ReadFile(folder + "/messages"));
+    throw Failure(ExitCode::kInternal,
+                  "gnuplot drew no picture: " + ReadFile(folder + "/messages"));
   }
   return bytes;
 }
@@ -733,8 +737,9 @@ bool IsPicturePath(const std::string& path) {
 
 void Draw(const Figure& figure, const std::string& path) {
   if (!IsPicturePath(path)) {
-    throw Error(kExitUsage,
-                AbsolutePath(path) + ": expected a picture's suffix, one of .svg, " + ".png, .pdf");
+    throw Failure(
+        ExitCode::kUsage,
+        AbsolutePath(path) + ": expected a picture's suffix, one of .svg, " + ".png, .pdf");
   }
   WriteFile(path, Picture(figure, Suffix(path)));
 }

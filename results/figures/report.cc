@@ -7,9 +7,12 @@
 #include <set>
 #include <sstream>
 
+#include "results/figures/comparison_figure.h"
 #include "results/figures/curve_figure.h"
-#include "results/system/json_text.h"
 #include "results/figures/page/embedded.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -121,7 +124,7 @@ class Page {
     CurveRequest curves = {.filter = request_.filter, .published = request_.published};
     lines_ = ReadLines(databases_, curves);
     if (lines_.empty()) {
-      throw Error(kExitNoInput, NothingToGroup(databases_, request_.filter));
+      throw Failure(ExitCode::kNotFound, NothingToGroup(databases_, request_.filter));
     }
     points_ = GroupSize(lines_);
     Thin(points_, &lines_);
@@ -256,7 +259,7 @@ class Page {
         if (const auto* text = std::get_if<std::string>(&cell)) {
           html_ << "<td>" << Escaped(*text) << "</td>";
         } else if (const auto* whole = std::get_if<std::int64_t>(&cell)) {
-          html_ << "<td class=\"number\">" << Grouped(*whole) << "</td>";
+          html_ << "<td class=\"number\">" << GroupDigits(*whole) << "</td>";
         } else if (const auto* real = std::get_if<double>(&cell)) {
           char number[32];
           std::snprintf(number, sizeof number, "%.4g", *real);
@@ -284,7 +287,7 @@ class Page {
   void Summary() {
     std::map<std::string, int> by_status;
     for (const RunInfo& run : runs_) ++by_status[RunStatusName(run.status)];
-    std::string text = Grouped(static_cast<std::int64_t>(runs_.size())) + " runs";
+    std::string text = GroupDigits(static_cast<std::int64_t>(runs_.size())) + " runs";
     for (const auto& [status, count] : by_status) {
       text +=
           (status == by_status.begin()->first ? ": " : ", ") + std::to_string(count) + " " + status;
@@ -412,15 +415,15 @@ class Page {
     Comparison comparison;
     try {
       comparison = Compare(databases_, request);
-    } catch (const Error& error) {
-      if (error.exit_code() != kExitNoInput) throw;
+    } catch (const Failure& error) {
+      if (error.code() != ExitCode::kNotFound) throw;
       Note(std::string("Nothing to compare. ") + error.what());
       return;
     }
     Note(
         "A score is the mean return of the evaluations in the last tenth of the budget, as a share "
         "of the task's range. Intervals: 95 %, stratified bootstrap, " +
-        Grouped(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
+        GroupDigits(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
         " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
     for (const std::string& note : comparison.notes) Note(note);
     HtmlTable(AggregateTable(comparison), "Over " + std::to_string(comparison.tasks.size()) +
@@ -639,9 +642,9 @@ class Page {
 std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
                        const ReportRequest& request) {
   if (ChartLibrary().empty()) {
-    throw Error(kExitInternal,
-                "this build has no plotting library for the report. Install the package "
-                "libjs-chart.js and build again.");
+    throw Failure(ExitCode::kInternal,
+                  "this build has no plotting library for the report. Install the package "
+                  "libjs-chart.js and build again.");
   }
   return Page(databases, request).Make();
 }

@@ -7,25 +7,15 @@
 #include <set>
 #include <sstream>
 
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/names.h"
+#include "results/system/text.h"
+
 namespace dreamsearch::results {
 namespace {
 
 namespace po = boost::program_options;
-
-std::size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0u : 1u)});
-      diagonal = above;
-    }
-  }
-  return row.back();
-}
 
 std::string FormOfPath(const std::string& path) {
   const std::string suffix = std::filesystem::path(path).extension().string();
@@ -46,39 +36,22 @@ void CheckNames(const std::vector<std::unique_ptr<Database>>& databases, const c
   }
   for (const std::string& name : names) {
     if (known.count(name) > 0) continue;
-    throw Error(kExitUsage, std::string("no ") + what + " '" + Printable(name) + "' in " +
-                                databases.front()->path() +
-                                (databases.size() > 1 ? " and the others" : "") + "." +
-                                KnownNames(name, {known.begin(), known.end()}));
+    throw Failure(ExitCode::kUsage, std::string("no ") + what + " '" + Printable(name) + "' in " +
+                                        databases.front()->path() +
+                                        (databases.size() > 1 ? " and the others" : "") + ". " +
+                                        KnownNames(name, {known.begin(), known.end()}));
   }
 }
 
 }  // namespace
 
-std::string KnownNames(const std::string& name, const std::vector<std::string>& known) {
-  if (known.empty()) return " There are none.";
-  std::string text = " Known: ";
-  const std::string* nearest = nullptr;
-  std::size_t least = std::max<std::size_t>(2, name.size() / 3) + 1;
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    text += (i > 0 ? ", " : "") + Printable(known[i]);
-    const std::size_t distance = EditDistance(name.substr(0, 100), known[i].substr(0, 100));
-    if (distance < least) {
-      least = distance;
-      nearest = &known[i];
-    }
-  }
-  text += ".";
-  if (nearest != nullptr) text += " Did you mean '" + Printable(*nearest) + "'?";
-  return text;
-}
-
 std::int64_t ParseNumber(const std::string& text, const std::string& what, std::int64_t least) {
   std::int64_t value = 0;
   const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
   if (end.ec != std::errc() || end.ptr != text.data() + text.size() || value < least) {
-    throw Error(kExitUsage, what + ": expected a whole number of at least " +
-                                std::to_string(least) + ", found '" + Printable(text) + "'");
+    throw Failure(ExitCode::kUsage, what + ": expected a whole number of at least " +
+                                        std::to_string(least) + ", found '" + Printable(text) +
+                                        "'");
   }
   return value;
 }
@@ -118,7 +91,8 @@ bool Arguments::Parse(const std::vector<std::string>& arguments) {
               values_);
     po::notify(values_);
   } catch (const po::error& error) {
-    throw Error(kExitUsage, std::string(error.what()) + ". See `results " + name_ + " --help`.");
+    throw Failure(ExitCode::kUsage,
+                  std::string(error.what()) + ". See `results " + name_ + " --help`.");
   }
   if (!Has("help")) return true;
   std::cout << "results " << name_ << (usage_.empty() ? "" : " ") << usage_ << "\n\n"
@@ -156,7 +130,7 @@ Selection Arguments::GetSelection() const {
     }
   }
   if (selection.databases.empty()) {
-    throw Error(kExitUsage, "--db: expected the name of a database, found nothing");
+    throw Failure(ExitCode::kUsage, "--db: expected the name of a database, found nothing");
   }
   selection.filter.studies = List("study");
   selection.filter.tasks = List("env");
@@ -167,8 +141,8 @@ Selection Arguments::GetSelection() const {
   for (const std::string& status : List("status")) {
     try {
       selection.filter.statuses.push_back(ParseRunStatus(status));
-    } catch (const Error& error) {
-      throw Error(kExitUsage, std::string("--status: ") + error.what());
+    } catch (const Failure& error) {
+      throw Failure(ExitCode::kUsage, std::string("--status: ") + error.what());
     }
   }
   return selection;
@@ -198,11 +172,11 @@ void CheckPublished(const std::vector<std::unique_ptr<Database>>& databases,
   }
   for (const std::string& method : methods) {
     if (known.count(method) > 0 || (method == "all" && !known.empty())) continue;
-    throw Error(kExitNoInput,
-                "--published: no '" + Printable(method) + "' in " + databases.front()->path() +
-                    (databases.size() > 1 ? " and the others" : "") + "." +
-                    KnownNames(method, {known.begin(), known.end()}) +
-                    (known.empty() ? " `results import` takes them from a file." : ""));
+    throw Failure(ExitCode::kNotFound,
+                  "--published: no '" + Printable(method) + "' in " + databases.front()->path() +
+                      (databases.size() > 1 ? " and the others" : "") + ". " +
+                      KnownNames(method, {known.begin(), known.end()}) +
+                      (known.empty() ? " `results import` takes them from a file." : ""));
   }
 }
 
@@ -215,8 +189,9 @@ void PrintTable(const Table& table, const std::string& form, const std::string& 
     return;
   }
   if (!IsTablePath(out)) {
-    throw Error(kExitUsage, AbsolutePath(out) + ": expected a table's suffix, one of .txt, .md, " +
-                                ".csv, .json");
+    throw Failure(
+        ExitCode::kUsage,
+        AbsolutePath(out) + ": expected a table's suffix, one of .txt, .md, " + ".csv, .json");
   }
   WriteFile(out, table.Print(ParseTableForm(FormOfPath(out))));
   std::cerr << "wrote " << AbsolutePath(out) << "\n";

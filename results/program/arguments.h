@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "results/database/database.h"
-#include "results/figures/table.h"
+#include "results/database/table.h"
+#include "results/system/names.h"
 
 namespace dreamsearch::results {
 
@@ -69,8 +70,5 @@ void PrintTable(const Table& table, const std::string& form, const std::string& 
 
 // A whole number of at least `least`; Error 2 otherwise.
 std::int64_t ParseNumber(const std::string& text, const std::string& what, std::int64_t least);
-
-// " Known: a, b, c." and, if one of them is near, " Did you mean 'a'?".
-std::string KnownNames(const std::string& name, const std::vector<std::string>& known);
 
 }  // namespace dreamsearch::results

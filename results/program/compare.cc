@@ -2,8 +2,12 @@
 #include <iostream>
 
 #include "results/analysis/comparison.h"
+#include "results/figures/comparison_figure.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -16,12 +20,12 @@ std::string Document(const Comparison& comparison, const ComparisonRequest& requ
   };
   std::string text;
   text += heading("Scores: mean evaluation return over the last tenth " +
-                  (request.at > 0 ? "before step " + Grouped(request.at) : "of the budget") +
+                  (request.at > 0 ? "before step " + GroupDigits(request.at) : "of the budget") +
                   ", normalised");
   text += ScoreTable(comparison).Print(form) + "\n";
   text += heading("Over " + std::to_string(comparison.tasks.size()) +
                   (comparison.tasks.size() == 1 ? " task" : " tasks") + ", with 95 % intervals (" +
-                  Grouped(request.repetitions) + " bootstrap repetitions, seed " +
+                  GroupDigits(request.repetitions) + " bootstrap repetitions, seed " +
                   std::to_string(request.seed) + ")");
   text += AggregateTable(comparison).Print(form) + "\n";
   text += heading("Probability of improvement");
@@ -72,7 +76,7 @@ int CompareCommand(const Words& words) {
       "for --out FILE.svg, .png, .pdf: intervals, profiles, improvement or efficiency")(
       "out", po::value<std::vector<std::string>>()->value_name("FILE"),
       "picture (.svg, .png, .pdf) or tables (.txt, .md, .csv, .json); several times");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
 
   const Selection selection = arguments.GetSelection();
   ComparisonRequest request;
@@ -84,15 +88,15 @@ int CompareCommand(const Words& words) {
   const std::int64_t repetitions =
       ParseNumber(arguments.Get<std::string>("repetitions"), "--repetitions", 100);
   if (repetitions > 10000000) {
-    throw Error(kExitUsage,
-                "--repetitions: expected at most 10000000, found " + std::to_string(repetitions));
+    throw Failure(ExitCode::kUsage,
+                  "--repetitions: expected at most 10000000, found " + std::to_string(repetitions));
   }
   request.repetitions = static_cast<int>(repetitions);
   const TableForm form = ParseTableForm(arguments.Get<std::string>("format"));
   const std::string kind = arguments.Get<std::string>("figure");
   if (kind != "intervals" && kind != "profiles" && kind != "improvement" && kind != "efficiency") {
-    throw Error(kExitUsage,
-                "no figure '" + kind + "'. Known: intervals, profiles, improvement, efficiency");
+    throw Failure(ExitCode::kUsage,
+                  "no figure '" + kind + "'. Known: intervals, profiles, improvement, efficiency");
   }
 
   const auto databases = OpenSelected(selection);
@@ -104,7 +108,7 @@ int CompareCommand(const Words& words) {
   };
   if (!arguments.Has("out")) {
     std::cout << document(form);
-    return kExitOk;
+    return static_cast<int>(ExitCode::kOk);
   }
   for (const std::string& out : arguments.Get<std::vector<std::string>>("out")) {
     if (IsTablePath(out)) {
@@ -119,7 +123,7 @@ int CompareCommand(const Words& words) {
     std::cerr << "wrote " << AbsolutePath(out) << "\n";
   }
   for (const std::string& note : comparison.notes) std::cerr << "note: " << Printable(note) << "\n";
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

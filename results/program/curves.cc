@@ -4,6 +4,9 @@
 #include "results/figures/curve_figure.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -38,7 +41,7 @@ int CurvesCommand(const Words& words) {
       "imported curves to draw beside: methods, as METHOD or METHOD/OBS, or all; the x axis "
       "ends with our runs, with --log-x it has all of them")(
       "title", po::value<std::string>()->default_value(""), "a title");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   std::vector<std::string> outs = {"curves.svg"};
   if (arguments.Has("out")) outs = arguments.Get<std::vector<std::string>>("out");
 
@@ -50,27 +53,28 @@ int CurvesCommand(const Words& words) {
   request.log_x = arguments.Has("log-x");
   const std::int64_t smooth = ParseNumber(arguments.Get<std::string>("smooth"), "--smooth", 1);
   if (smooth % 2 == 0 || smooth > kMostSmooth) {
-    throw Error(kExitUsage, "--smooth: expected an odd number of points from 1 to " +
-                                std::to_string(kMostSmooth) +
-                                ", as many on either side of each, found " +
-                                std::to_string(smooth));
+    throw Failure(ExitCode::kUsage, "--smooth: expected an odd number of points from 1 to " +
+                                        std::to_string(kMostSmooth) +
+                                        ", as many on either side of each, found " +
+                                        std::to_string(smooth));
   }
   request.smooth = static_cast<int>(smooth);
   request.published = arguments.List("published");
   const CurveInterval interval = ParseCurveInterval(arguments.Get<std::string>("interval"));
   const std::string kind = arguments.Get<std::string>("kind");
   if (kind != "tasks" && kind != "mean" && kind != "time") {
-    throw Error(kExitUsage, "no kind '" + kind + "'. Known: tasks, mean, time");
+    throw Failure(ExitCode::kUsage, "no kind '" + kind + "'. Known: tasks, mean, time");
   }
   if (!request.published.empty() && request.axis != CurveAxis::kSteps) {
-    throw Error(kExitUsage,
-                "--published curves are known by environment steps only; use --x steps");
+    throw Failure(ExitCode::kUsage,
+                  "--published curves are known by environment steps only; use --x steps");
   }
 
   const auto databases = OpenSelected(selection);
   CheckPublished(databases, request.published);
   const std::vector<Line> lines = ReadLines(databases, request);
-  if (lines.empty()) throw Error(kExitNoInput, NothingToGroup(databases, selection.filter));
+  if (lines.empty())
+    throw Failure(ExitCode::kNotFound, NothingToGroup(databases, selection.filter));
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)
                                    : TimeByPlanner(databases, selection.filter);
@@ -87,7 +91,7 @@ int CurvesCommand(const Words& words) {
     std::cerr << "wrote " << AbsolutePath(out) << "\n";
   }
   for (const std::string& gap : Gaps(lines)) std::cerr << "note: " << Printable(gap) << "\n";
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -5,6 +5,8 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -28,16 +30,16 @@ int DeleteCommand(const Words& words) {
                   "only runs of these statuses")("yes", "do it")(
       "files", "delete the runs' checkpoints and logs as well");
   arguments.AddPositional("run", true);
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
   const RunFilter& filter = selection.filter;
   const bool chosen = !filter.studies.empty() || !filter.tasks.empty() ||
                       !filter.planners.empty() || !filter.seeds.empty() || !filter.statuses.empty();
-  if (selection.databases.size() != 1) throw Error(kExitUsage, "delete: expected one --db");
+  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "delete: expected one --db");
   if (arguments.Has("run") == chosen) {
-    throw Error(kExitUsage,
-                "delete: expected either runs or a choice by --study, --env, --planner, "
-                "--seed or --status");
+    throw Failure(ExitCode::kUsage,
+                  "delete: expected either runs or a choice by --study, --env, --planner, "
+                  "--seed or --status");
   }
   OpenSelected(selection);  // every name asked for must be there
   const auto database = Database::OpenExisting(selection.databases.front());
@@ -63,11 +65,12 @@ int DeleteCommand(const Words& words) {
   }
   for (const RunInfo& run : runs) {
     if (!IsActive(run)) continue;
-    throw Error(kExitUsage, database->path() + ": run " + std::to_string(run.run_id) +
-                                (run.parent_run_id ? ", an evaluation of run " +
-                                                         std::to_string(*run.parent_run_id) + ","
-                                                   : "") +
-                                " is running; stop it first. Nothing was deleted.");
+    throw Failure(ExitCode::kUsage,
+                  database->path() + ": run " + std::to_string(run.run_id) +
+                      (run.parent_run_id
+                           ? ", an evaluation of run " + std::to_string(*run.parent_run_id) + ","
+                           : "") +
+                      " is running; stop it first. Nothing was deleted.");
   }
   const bool yes = arguments.Has("yes");
   for (const RunInfo& run : runs) {
@@ -95,7 +98,7 @@ int DeleteCommand(const Words& words) {
               << " of them evaluations that go with the run they are of\n";
   }
   if (!yes) std::cerr << "nothing was deleted; --yes deletes\n";
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -4,9 +4,13 @@
 #include <map>
 #include <optional>
 
+#include "results/analysis/published.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/analysis/published.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/names.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -112,7 +116,7 @@ int ExportCommand(const Words& words) {
       "curves, episodes and finals (default: evaluation; for rows all)")(
       "out", po::value<std::string>()->default_value("")->value_name("FILE"),
       "a file, for tdmpc2 a folder; otherwise standard output");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
   const std::string format = arguments.Get<std::string>("format");
   const std::string out = arguments.Get<std::string>("out");
@@ -121,18 +125,18 @@ int ExportCommand(const Words& words) {
   if (query == Queries().end()) {
     std::vector<std::string> known;
     for (const auto& [name, sql] : Queries()) known.push_back(name);
-    throw Error(kExitUsage, "no rows '" + rows + "'." + KnownNames(rows, known));
+    throw Failure(ExitCode::kUsage, "no rows '" + rows + "'. " + KnownNames(rows, known));
   }
   std::optional<CurvePhase> phase;
   if (arguments.Has("phase")) phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
   const bool as_rows = format == "csv" || format == "jsonl";
   if (as_rows && phase && !HasPhase(query->second)) {
-    throw Error(kExitUsage, "--phase: rows of '" + rows + "' have no phase");
+    throw Failure(ExitCode::kUsage, "--phase: rows of '" + rows + "' have no phase");
   }
   const auto databases = OpenSelected(selection);
   if (as_rows) {
     WriteRows(databases, selection.filter, query->second, phase, format == "csv", out);
-    return kExitOk;
+    return static_cast<int>(ExitCode::kOk);
   }
   const std::vector<Line> lines = ReadLines(
       databases, {.filter = selection.filter, .phase = phase.value_or(CurvePhase::kEvaluation)});
@@ -143,18 +147,20 @@ int ExportCommand(const Words& words) {
       WriteFile(out, DreamerScores(lines));
       std::cerr << "wrote " << AbsolutePath(out) << "\n";
     }
-    return kExitOk;
+    return static_cast<int>(ExitCode::kOk);
   }
   if (format != "tdmpc2") {
-    throw Error(kExitUsage, "no format '" + format + "'. Known: csv, jsonl, dreamer, tdmpc2");
+    throw Failure(ExitCode::kUsage,
+                  "no format '" + format + "'. Known: csv, jsonl, dreamer, tdmpc2");
   }
-  if (out.empty()) throw Error(kExitUsage, "export --format tdmpc2: expected --out FOLDER");
+  if (out.empty()) throw Failure(ExitCode::kUsage, "export --format tdmpc2: expected --out FOLDER");
   for (const Line& line : lines) {
     const std::filesystem::path folder = std::filesystem::path(out) / FileName(line.label);
     std::error_code error;
     std::filesystem::create_directories(folder, error);
     if (error) {
-      throw Error(kExitCannotCreate, AbsolutePath(folder.string()) + ": " + error.message());
+      throw Failure(ExitCode::kCannotCreate,
+                    AbsolutePath(folder.string()) + ": " + error.message());
     }
     std::string task = FileName(line.task);
     for (char& c : task) {
@@ -164,7 +170,7 @@ int ExportCommand(const Words& words) {
   }
   std::cerr << "wrote " << lines.size() << (lines.size() == 1 ? " file" : " files") << " below "
             << AbsolutePath(out) << "\n";
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -2,9 +2,12 @@
 #include <iostream>
 #include <set>
 
+#include "results/analysis/published.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/analysis/published.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -48,10 +51,10 @@ int ImportCommand(const Words& words) {
       "steps-per-unit", po::value<std::string>()->default_value("1")->value_name("N"),
       "environment steps in one unit of the file's steps");
   arguments.AddPositional("file", true);
-  if (!arguments.Parse(words)) return kExitOk;
-  if (!arguments.Has("file")) throw Error(kExitUsage, "import: expected files, found none");
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
+  if (!arguments.Has("file")) throw Failure(ExitCode::kUsage, "import: expected files, found none");
   const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Error(kExitUsage, "import: expected one --db");
+  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "import: expected one --db");
   const ImportSettings settings = {
       .format = arguments.Get<std::string>("format"),
       .source = arguments.Get<std::string>("source"),
@@ -72,10 +75,10 @@ int ImportCommand(const Words& words) {
     if (!unknown.empty()) {
       std::cerr << "note: " << AbsolutePath(file) << ": no run here is of " << unknown << "\n";
     }
-    std::cout << AbsolutePath(file) << ": " << Grouped(static_cast<std::int64_t>(points.size()))
+    std::cout << AbsolutePath(file) << ": " << GroupDigits(static_cast<std::int64_t>(points.size()))
               << " points\n";
   }
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -6,16 +6,18 @@
 #include <iostream>
 #include <sstream>
 
+#include "results/analysis/run_groups.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/analysis/run_groups.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
 
 std::string Percent(const RunInfo& run) {
-  if (run.env_steps_target <= 0) return Grouped(run.env_steps_done);
-  return Grouped(run.env_steps_done) + " / " + Grouped(run.env_steps_target);
+  if (run.env_steps_target <= 0) return GroupDigits(run.env_steps_done);
+  return GroupDigits(run.env_steps_done) + " / " + GroupDigits(run.env_steps_target);
 }
 
 double FourDigits(double value) {
@@ -76,11 +78,12 @@ int ListCommand(const Words& words) {
       "missing", "what each study lacks: every task, planner and seed that occurs in it")(
       "format", po::value<std::string>()->default_value("text"), "text, markdown, csv or json")(
       "out", po::value<std::string>()->default_value(""), "a file (.txt, .md, .csv, .json)");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
   const RunFilter& filter = selection.filter;
   if (arguments.Has("missing") && !filter.statuses.empty()) {
-    throw Error(kExitUsage, "list: what is --missing has no --status; expected one of the two");
+    throw Failure(ExitCode::kUsage,
+                  "list: what is --missing has no --status; expected one of the two");
   }
   const auto databases = OpenSelected(selection);
   const bool several = databases.size() > 1;
@@ -131,7 +134,7 @@ int ListCommand(const Words& words) {
   if (table.rows.empty()) {
     std::cerr << (arguments.Has("missing") ? "nothing is missing\n" : "no runs\n");
   }
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

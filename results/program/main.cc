@@ -3,9 +3,11 @@
 #include <iostream>
 #include <new>
 
-#include "results/system/error.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -43,39 +45,39 @@ void PrintHelp() {
 int Dispatch(const Words& words) {
   if (words.empty() || words[0] == "--help" || words[0] == "-h" || words[0] == "help") {
     PrintHelp();
-    return words.empty() ? kExitUsage : kExitOk;
+    return static_cast<int>(words.empty() ? ExitCode::kUsage : ExitCode::kOk);
   }
   if (words[0] == "--version") {
     std::cout << "results " << DREAMSEARCH_PROJECT_VERSION << "\n";
-    return kExitOk;
+    return static_cast<int>(ExitCode::kOk);
   }
   std::vector<std::string> known;
   for (const Command& command : kCommands) {
     if (words[0] == command.name) return command.run({words.begin() + 1, words.end()});
     known.emplace_back(command.name);
   }
-  throw Error(kExitUsage,
-              "no command '" + Printable(words[0]) + "'." + KnownNames(words[0], known));
+  throw Failure(ExitCode::kUsage,
+                "no command '" + Printable(words[0]) + "'. " + KnownNames(words[0], known));
 }
 
 }  // namespace
 }  // namespace dreamsearch::results
 
 int main(int argc, char** argv) {
-  using dreamsearch::results::Error;
+  using dreamsearch::Failure;
   try {
     const int code = dreamsearch::results::Dispatch({argv + std::min(argc, 1), argv + argc});
     std::cout.flush();
     if (!std::cout) {
       std::cerr << "results: standard output could not be written\n";
-      return dreamsearch::results::kExitInputOutput;
+      return static_cast<int>(dreamsearch::ExitCode::kInputOutput);
     }
     return code;
-  } catch (const Error& error) {
+  } catch (const Failure& error) {
     std::cerr << "results: " << error.what() << "\n";
-    return error.exit_code();
+    return error.exit_status();
   } catch (const std::exception& error) {
     std::cerr << "results: internal error: " << error.what() << "\n";
-    return dreamsearch::results::kExitInternal;
+    return static_cast<int>(dreamsearch::ExitCode::kInternal);
   }
 }

@@ -5,6 +5,9 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 
@@ -15,11 +18,11 @@ int MergeCommand(const Words& words) {
       "both have stays as the one that got further; the order of merging makes no difference.");
   arguments.AddDatabase();
   arguments.AddPositional("source", true);
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Error(kExitUsage, "merge: expected one --db");
+  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "merge: expected one --db");
   if (!arguments.Has("source")) {
-    throw Error(kExitUsage, "merge: expected databases to merge, found none");
+    throw Failure(ExitCode::kUsage, "merge: expected databases to merge, found none");
   }
   const auto sources = arguments.Get<std::vector<std::string>>("source");
   // Before anything is written.
@@ -30,10 +33,10 @@ int MergeCommand(const Words& words) {
     const MergeResult result = Merge(target.get(), source);
     for (const std::string& note : result.notes) std::cerr << "note: " << Printable(note) << "\n";
     std::cout << AbsolutePath(source) << ": " << result.added << " runs added, " << result.replaced
-              << " replaced, " << result.kept << " kept as they were; " << Grouped(result.rows)
+              << " replaced, " << result.kept << " kept as they were; " << GroupDigits(result.rows)
               << " rows\n";
   }
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

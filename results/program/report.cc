@@ -6,6 +6,8 @@
 
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::results {
 
@@ -23,12 +25,14 @@ int ReportCommand(const Words& words) {
       "equal seeds give equal intervals")("title", po::value<std::string>()->default_value(""),
                                           "a title");
   arguments.AddPositional("file");
-  if (!arguments.Parse(words)) return kExitOk;
-  if (!arguments.Has("file")) throw Error(kExitUsage, "report: expected FILE.html, found none");
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
+  if (!arguments.Has("file"))
+    throw Failure(ExitCode::kUsage, "report: expected FILE.html, found none");
   const std::string file = arguments.Get<std::vector<std::string>>("file").front();
   const std::string suffix = std::filesystem::path(file).extension().string();
   if (suffix != ".html" && suffix != ".htm") {
-    throw Error(kExitUsage, AbsolutePath(file) + ": expected a file name that ends in .html");
+    throw Failure(ExitCode::kUsage,
+                  AbsolutePath(file) + ": expected a file name that ends in .html");
   }
   const Selection selection = arguments.GetSelection();
   ReportRequest request;
@@ -41,7 +45,7 @@ int ReportCommand(const Words& words) {
   CheckPublished(databases, request.published);
   WriteFile(file, ReportPage(databases, request));
   std::cerr << "wrote " << AbsolutePath(file) << "\n";
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

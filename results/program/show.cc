@@ -4,9 +4,11 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "results/system/json_text.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -36,13 +38,13 @@ int ShowCommand(const Words& words) {
                       "RUN is a run_id or the beginning of a UUID.");
   arguments.AddDatabase();
   arguments.AddPositional("run");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   if (!arguments.Has("run")) {
-    throw Error(kExitUsage, "show: expected a run, found none. See `results list`.");
+    throw Failure(ExitCode::kUsage, "show: expected a run, found none. See `results list`.");
   }
   const std::string name = arguments.Get<std::vector<std::string>>("run").front();
   const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Error(kExitUsage, "show: expected one --db");
+  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "show: expected one --db");
   const auto database = Database::OpenReadOnly(selection.databases.front());
   const RunInfo run = database->GetRun(name);
   Connection& db = database->connection();
@@ -72,7 +74,8 @@ int ShowCommand(const Words& words) {
   fact("status", std::string(RunStatusName(run.status)) +
                      (run.exit_code ? ", exit code " + std::to_string(*run.exit_code) : ""));
   fact("error", run.error);
-  fact("environment steps", Grouped(run.env_steps_done) + " of " + Grouped(run.env_steps_target));
+  fact("environment steps",
+       GroupDigits(run.env_steps_done) + " of " + GroupDigits(run.env_steps_target));
   if (run.parent_run_id) fact("evaluates run", std::to_string(*run.parent_run_id));
   fact("created", run.created_utc);
   fact("heartbeat", run.heartbeat_utc);
@@ -143,7 +146,7 @@ int ShowCommand(const Words& words) {
   } else {
     std::cout << "  " << Printable(run.config_json) << "\n";
   }
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -1,9 +1,10 @@
 // results sql QUERY - runs a query and prints what it gives.
 #include <iostream>
 
+#include "results/database/query.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/database/query.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 
@@ -18,9 +19,9 @@ int SqlCommand(const Words& words) {
                   "text, markdown, csv or json")("out", po::value<std::string>()->default_value(""),
                                                  "a file (.txt, .md, .csv, .json)");
   arguments.AddPositional("query");
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Error(kExitUsage, "sql: expected one --db");
+  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "sql: expected one --db");
   const auto database = Database::OpenReadOnly(selection.databases.front());
   const std::string query = arguments.Has("query")
                                 ? arguments.Get<std::vector<std::string>>("query").front()
@@ -28,7 +29,7 @@ int SqlCommand(const Words& words) {
                                   " 'view') AND name NOT LIKE 'sqlite_%' ORDER BY type, name";
   PrintTable(RunQuery(database.get(), query), arguments.Get<std::string>("format"),
              arguments.Get<std::string>("out"));
-  return kExitOk;
+  return static_cast<int>(ExitCode::kOk);
 }
 
 }  // namespace dreamsearch::results

@@ -1,9 +1,11 @@
 // results verify - checks stored rows against their digests.
 #include <iostream>
 
+#include "results/database/verification.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
-#include "results/database/verification.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 
@@ -15,7 +17,7 @@ int VerifyCommand(const Words& words) {
       "anything does not fit. `runner verify` repeats a run.");
   arguments.AddDatabase();
   arguments.AddFilter();
-  if (!arguments.Parse(words)) return kExitOk;
+  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
   const Selection selection = arguments.GetSelection();
   std::size_t problems = 0;
   for (const auto& database : OpenSelected(selection)) {
@@ -25,12 +27,13 @@ int VerifyCommand(const Words& words) {
     }
     if (found.empty()) {
       std::cout << database->path() << ": "
-                << Grouped(static_cast<std::int64_t>(database->ListRuns(selection.filter).size()))
+                << GroupDigits(
+                       static_cast<std::int64_t>(database->ListRuns(selection.filter).size()))
                 << " runs are as they were written\n";
     }
     problems += found.size();
   }
-  return problems == 0 ? kExitOk : kExitVerification;
+  return static_cast<int>(problems == 0 ? ExitCode::kOk : ExitCode::kVerificationFailed);
 }
 
 }  // namespace dreamsearch::results

@@ -1,35 +1,41 @@
-// error.h - the one exception of the results database.
+// error.h - how the programs say that something went wrong, and how they exit.
+//
+// One exception type in host and results: Failure carries one line for the user and the
+// exit code the program ends with. The line says what was expected, what was found,
+// where (an absolute path), and what to do.
 #pragma once
 
 #include <stdexcept>
 #include <string>
 
-namespace dreamsearch::results {
+namespace dreamsearch {
 
-// What the program that meets the error ends with.
-enum ExitCode : int {
-  kExitOk = 0,
-  kExitUsage = 2,
-  kExitBadData = 65,       // not our database, a newer schema, damaged or malformed input
-  kExitNoInput = 66,       // no such file or run
-  kExitInternal = 70,      // a defect of ours
-  kExitCannotCreate = 73,  // the database or an output cannot be created
-  kExitInputOutput = 74,   // disk full, input/output error, locked for too long
-  kExitPermission = 77,
-  kExitVerification = 78,  // stored digests do not match the stored rows
+// What the programs exit with; scripts rely on these numbers.
+enum class ExitCode : int {
+  kOk = 0,
+  kUsage = 2,                // the command line is wrong
+  kBadInput = 65,            // a configuration, model file or database is wrong or damaged
+  kNotFound = 66,            // no such file, run, component or plugin
+  kPluginRefused = 69,       // a plugin was found and cannot be used
+  kInternal = 70,            // a defect of ours
+  kPluginCrashed = 71,       // a plugin crashed or timed out
+  kDiverged = 72,            // NaN, infinity or a physics warning ended a run
+  kCannotCreate = 73,        // a database or an output cannot be created
+  kInputOutput = 74,         // reading or writing failed, the disk is full, locked for too long
+  kInterrupted = 75,         // stopped; can be resumed
+  kPermission = 77,          // not allowed
+  kVerificationFailed = 78,  // stored and recomputed results differ
 };
 
-// The message says what was expected, what was found, where (an absolute path)
-// and what to do.
-class Error : public std::runtime_error {
+class Failure : public std::runtime_error {
  public:
-  Error(int exit_code, const std::string& message)
-      : std::runtime_error(message), exit_code_(exit_code) {}
+  Failure(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
 
-  int exit_code() const { return exit_code_; }
+  ExitCode code() const noexcept { return code_; }
+  int exit_status() const noexcept { return static_cast<int>(code_); }
 
  private:
-  int exit_code_;
+  ExitCode code_;
 };
 
-}  // namespace dreamsearch::results
+}  // namespace dreamsearch

@@ -64,8 +64,8 @@ std::vector<LibraryProduct> FindProducts() {
                         const auto depth = static_cast<libxsmm_blasint>(k);
                         const float alpha = 1, beta = 0;
                         const libxsmm_smmfunction kernel =
-                            libxsmm_smmdispatch(rows, columns, depth, &rows, &depth, &rows,
-                                                &alpha, &beta, nullptr, nullptr);
+                            libxsmm_smmdispatch(rows, columns, depth, &rows, &depth, &rows, &alpha,
+                                                &beta, nullptr, nullptr);
                         if (kernel != nullptr) kernel(a, b, c);
                       }});
 #endif

@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "dreamsearch/random.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -46,7 +46,7 @@ TEST_F(CheckpointTest, AnyFlippedByteIsFound) {
     std::string bad = good;
     bad[i] = static_cast<char>(bad[i] ^ (1 << (i % 8)));
     Write(folder_ / "bad", bad);
-    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError) << "byte " << i;
+    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), Failure) << "byte " << i;
   }
 }
 
@@ -55,10 +55,10 @@ TEST_F(CheckpointTest, AnyCutIsFound) {
   const std::string good = Read(folder_ / "x");
   for (std::size_t size = 0; size < good.size(); ++size) {
     Write(folder_ / "bad", good.substr(0, size));
-    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError) << "cut at " << size;
+    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), Failure) << "cut at " << size;
   }
   Write(folder_ / "bad", good + "x");
-  EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), RunnerError);
+  EXPECT_THROW(ReadCheckpointFile(folder_ / "bad"), Failure);
 }
 
 TEST_F(CheckpointTest, KeepsTheLastTwoAndLoadsTheNewest) {
@@ -85,7 +85,7 @@ TEST_F(CheckpointTest, FallsBackToTheOneBeforeADamagedOne) {
   EXPECT_TRUE(loaded->skipped[0].damaged);
   EXPECT_NE(loaded->skipped[0].why.find("checkpoint-2000.ckpt"), std::string::npos);
   Write(folder_ / "checkpoint-1000.ckpt", "");
-  EXPECT_THROW(checkpoints.LoadNewest(), RunnerError);
+  EXPECT_THROW(checkpoints.LoadNewest(), Failure);
 }
 
 // A run that went back from 3000 to 1000 must not lose what it writes on its way there.
@@ -116,7 +116,7 @@ TEST_F(CheckpointTest, LoadsTheNewestThatTheJudgeLetsThrough) {
   try {
     checkpoints.LoadNewest([](const CheckpointSections&) { return "is of another run"; });
     ADD_FAILURE() << "none will do";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kBadInput);
     EXPECT_NE(std::string(error.what()).find("checkpoint-1000.ckpt is of another run"),
               std::string::npos)
@@ -132,7 +132,7 @@ TEST_F(CheckpointTest, ReadsTheWantedSectionsAlone) {
   const std::string good = Read(folder_ / "x");
   for (std::size_t size = 0; size < good.size(); ++size) {
     Write(folder_ / "bad", good.substr(0, size));
-    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad", position), RunnerError) << "cut at " << size;
+    EXPECT_THROW(ReadCheckpointFile(folder_ / "bad", position), Failure) << "cut at " << size;
   }
 }
 
@@ -140,7 +140,7 @@ TEST_F(CheckpointTest, SaysWhereItCannotWrite) {
   try {
     WriteCheckpointFile(folder_ / "absent" / "x", sections_);
     FAIL();
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kCannotCreate);
     EXPECT_NE(std::string(error.what()).find("absent/x"), std::string::npos) << error.what();
   }
@@ -152,7 +152,7 @@ TEST_F(CheckpointTest, AFullDiskIsAnInputOutputError) {
   try {
     WriteCheckpointFile(folder_ / "x", sections_);
     FAIL();
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kInputOutput) << error.what();
     EXPECT_NE(std::string(error.what()).find("bytes free"), std::string::npos) << error.what();
   }

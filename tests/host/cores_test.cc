@@ -1,5 +1,5 @@
 // Which cores there are, and how runs share them.
-#include "host/processes/cores.h"
+#include "host/settings/cores.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@
 #include <fstream>
 #include <string>
 
-#include "host/system/error.h"
 #include "host/processes/thread_grant.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -162,8 +162,8 @@ TEST(ThreadGrant, AWorkerSeesWhatItsSupervisorGrantsAtOnce) {
 }
 
 TEST(ThreadGrant, WhatIsNoGrantIsRefused) {
-  EXPECT_THROW(ThreadGrant(::open("/dev/null", O_RDONLY)), RunnerError);
-  EXPECT_THROW(ThreadGrant(-1), RunnerError);
+  EXPECT_THROW(ThreadGrant(::open("/dev/null", O_RDONLY)), Failure);
+  EXPECT_THROW(ThreadGrant(-1), Failure);
 }
 
 }  // namespace

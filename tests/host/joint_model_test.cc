@@ -17,9 +17,9 @@
 #include "dreamsearch/random.h"
 #include "host/acting/activity_clock.h"
 #include "host/acting/episode.h"
-#include "host/system/error.h"
 #include "host/acting/fiber.h"
 #include "host/plugins/plugin_loader.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -292,7 +292,7 @@ struct Played {
   std::string Error() const {
     try {
       faults.RethrowFirst();
-    } catch (const RunnerError& error) {
+    } catch (const Failure& error) {
       return error.what();
     }
     return "";

@@ -4,7 +4,9 @@
 
 #include <cmath>
 
+#include "host/processes/rate_meter.h"
 #include "host/processes/report.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {

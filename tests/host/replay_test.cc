@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -112,12 +112,12 @@ TEST(Replay, SaveAndLoadKeepsEveryRow) {
 TEST(Replay, SaysWhatDoesNotFit) {
   Replay replay(2, 1, 100), other(3, 1, 100);
   AddEpisode(&replay, 0, 9);
-  EXPECT_THROW(other.Load(replay.Save()), RunnerError);
-  EXPECT_THROW(replay.Load(replay.Save().substr(0, 40)), RunnerError);
+  EXPECT_THROW(other.Load(replay.Save()), Failure);
+  EXPECT_THROW(replay.Load(replay.Save().substr(0, 40)), Failure);
   try {
     replay.Sample(1, 50, 0);
     FAIL();
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_NE(std::string(error.what()).find("longest: 10"), std::string::npos) << error.what();
   }
 }

@@ -11,13 +11,14 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "host/commands/commands.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 #include "temporary_folder.h"
 
 namespace dreamsearch {
@@ -85,7 +86,7 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_EQ(planner->plugin.name, "good");
   EXPECT_EQ(planner->plugin.version, "1.2.3");
   EXPECT_EQ(planner->plugin.path, file.string());
-  EXPECT_EQ(planner->plugin.sha256, FileSha256(file));
+  EXPECT_EQ(planner->plugin.sha256, Sha256HexOfFile(file));
   EXPECT_EQ(planner->plugin.sdk_major, 0u);
   EXPECT_EQ(planner->plugin.sdk_minor, 1u);
   ASSERT_EQ(planner->parameters.size(), 4u);
@@ -208,7 +209,7 @@ TEST(Catalogue, FinishesTheCorpusAndFindsTheGoodOnes) {
   try {
     catalogue.Find(ComponentKind::kPlanner, "static_aborts");
     FAIL() << "static_aborts was found";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kPluginCrashed);
   }
 }
@@ -221,13 +222,13 @@ TEST(Catalogue, SaysWhichNamesAreKnown) {
   try {
     catalogue.Find(ComponentKind::kPlanner, "godo");
     FAIL() << "godo was found";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);
     EXPECT_EQ(std::string(error.what()),
               "no planner 'godo' in " + std::filesystem::canonical(folder.path()).string() +
                   ". Known: good. Did you mean good? Refused: broken.so (`runner list` says why).");
   }
-  EXPECT_THROW(catalogue.Find(ComponentKind::kEnvironment, "good"), RunnerError);
+  EXPECT_THROW(catalogue.Find(ComponentKind::kEnvironment, "good"), Failure);
 }
 
 TEST(Catalogue, TheEarlierFolderWinsWithAWarning) {
@@ -253,7 +254,7 @@ TEST(Catalogue, OneNameTwiceInAFolderIsAnErrorNamingBoth) {
   try {
     catalogue.Find(ComponentKind::kPlanner, "good");
     FAIL() << "one of two was chosen";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kPluginRefused);
     const std::string message = error.what();
     EXPECT_NE(message.find("good.so"), std::string::npos) << message;
@@ -265,8 +266,8 @@ TEST(Catalogue, OneNameTwiceInAFolderIsAnErrorNamingBoth) {
 
 TEST(PluginFolders, AreTheGivenThenTheVariablesThenTheInstalled) {
   const TemporaryFolder given, variable;
-  ::setenv("DREAMSEARCH_PLUGIN_PATH", (variable.path().string() + ":" + given.path().string()).c_str(),
-           1);
+  ::setenv("DREAMSEARCH_PLUGIN_PATH",
+           (variable.path().string() + ":" + given.path().string()).c_str(), 1);
   const auto folders = PluginFolders({given.path().string()});
   ::unsetenv("DREAMSEARCH_PLUGIN_PATH");
   ASSERT_EQ(folders.size(), 3u);
@@ -280,7 +281,7 @@ TEST(PluginFolders, AGivenFolderMustExist) {
   try {
     PluginFolders({(folder.path() / "nowhere").string()});
     FAIL() << "accepted";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);
     EXPECT_NE(std::string(error.what()).find("nowhere"), std::string::npos) << error.what();
   }
@@ -288,10 +289,10 @@ TEST(PluginFolders, AGivenFolderMustExist) {
 
 // FIPS 180-2, appendix B.1, and the digest of nothing.
 TEST(Sha256, GivesThePublishedDigests) {
-  EXPECT_EQ(Sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-  EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(Sha256Hex("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(Sha256Hex(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
   const TemporaryFolder folder;
-  EXPECT_EQ(FileSha256(folder.Write("x", "abc")), Sha256("abc"));
+  EXPECT_EQ(Sha256HexOfFile(folder.Write("x", "abc")), Sha256Hex("abc"));
 }
 
 TEST(ListCommand, ShowsComponentsAndWhyOthersWereRefused) {
@@ -301,12 +302,13 @@ TEST(ListCommand, ShowsComponentsAndWhyOthersWereRefused) {
   testing::internal::CaptureStdout();
   EXPECT_EQ(ListCommand({"--plugin-path", folder.path().string()}), 0);
   const std::string text = testing::internal::GetCapturedStdout();
-  for (const char* part : {"environments\n  none\n", "models\n", "planners\n", "good 1.2.3",
-                           "(also fine, well)", "refused\n", "broken.so", "text beginning 'hello'"}) {
+  for (const char* part :
+       {"environments\n  none\n", "models\n", "planners\n", "good 1.2.3", "(also fine, well)",
+        "refused\n", "broken.so", "text beginning 'hello'"}) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
   }
-  EXPECT_THROW(ListCommand({"planer"}), RunnerError);
-  EXPECT_THROW(ListCommand({"planners", "models"}), RunnerError);
+  EXPECT_THROW(ListCommand({"planer"}), Failure);
+  EXPECT_THROW(ListCommand({"planners", "models"}), Failure);
 }
 
 TEST(DescribeCommand, ShowsEveryDeclaration) {
@@ -326,7 +328,7 @@ TEST(DescribeCommand, ShowsEveryDeclaration) {
   try {
     DescribeCommand({"--plugin-path", path, "gud"});
     FAIL() << "described";
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);
     EXPECT_NE(std::string(error.what()).find("Known: run, model/good, planner/good."),
               std::string::npos)

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "dreamsearch/random.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
 #include "temporary_folder.h"
 
 namespace dreamsearch {
@@ -33,7 +33,7 @@ Answer Check(const std::filesystem::path& file) {
   try {
     CheckSharedLibrary(file);
     return {};
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return {error.code(), error.what()};
   }
 }
@@ -101,8 +101,7 @@ TEST(CheckSharedLibrary, RefusesALibraryCutAtAnyLength) {
     const Answer answer = Check(folder.Write("x.so", whole.substr(0, n)));
     ASSERT_EQ(answer.code, ExitCode::kPluginRefused) << "cut at " << n << " of " << whole.size();
     if (n >= sizeof(Elf64_Ehdr)) {
-      ASSERT_NE(answer.message.find("cut short"), std::string::npos)
-          << n << ": " << answer.message;
+      ASSERT_NE(answer.message.find("cut short"), std::string::npos) << n << ": " << answer.message;
     }
   }
 }

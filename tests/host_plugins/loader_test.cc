@@ -1,7 +1,5 @@
 // Loading in this process: what a descriptor must hold, and what loading leaves
 // behind. Libraries that end the process are catalogue_test.cc's.
-#include "host/plugins/plugin_loader.h"
-
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -9,8 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "host/system/error.h"
+#include "host/plugins/plugin_loader.h"
 #include "plugins/tiny_plugin.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -19,17 +18,16 @@ std::filesystem::path Corpus(const std::string& name) {
   return std::filesystem::path(DREAMSEARCH_CORPUS_DIR) / (name + ".so");
 }
 
-RunnerError Refusal(const std::function<void()>& action) {
+Failure Refusal(const std::function<void()>& action) {
   try {
     action();
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     return error;
   }
-  return RunnerError(ExitCode::kOk, "nothing was refused");
+  return Failure(ExitCode::kOk, "nothing was refused");
 }
 
-void ExpectMessage(const RunnerError& error, ExitCode code,
-                   const std::vector<std::string>& parts) {
+void ExpectMessage(const Failure& error, ExitCode code, const std::vector<std::string>& parts) {
   EXPECT_EQ(error.code(), code) << error.what();
   for (const std::string& part : parts) {
     EXPECT_NE(std::string(error.what()).find(part), std::string::npos)
@@ -85,8 +83,8 @@ TEST(LoadPlugin, NamesAMissingSymbolInsteadOfEndingAtTheFirstCall) {
 }
 
 TEST(LoadPlugin, NamesAMissingDependency) {
-  ExpectMessage(Refusal([] { LoadPlugin(Corpus("missing_dependency")); }),
-                ExitCode::kPluginRefused, {"libcorpus_vanished.so", "cannot open"});
+  ExpectMessage(Refusal([] { LoadPlugin(Corpus("missing_dependency")); }), ExitCode::kPluginRefused,
+                {"libcorpus_vanished.so", "cannot open"});
 }
 
 TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
@@ -100,7 +98,8 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
   refused("other_major_field", {"expected SDK version 0.1, found 7.1"});
   refused("newer_minor", {"expected SDK version 0.1, found 0.2"});
   refused("older_minor", {"expected SDK version 0.1, found 0.0"});
-  refused("short_descriptor", {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
+  refused("short_descriptor",
+          {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
   refused("interface_revision", {"interface revision 2, found 3"});
   refused("layout_changed", {"layout tag", "found 0x"});
   refused("other_magic", {"magic number", "found 0x0000000000001234"});
@@ -115,7 +114,7 @@ Status MakeNoEnvironment(const EnvironmentContext&, Environment** result) noexce
   return OkStatus();
 }
 
-RunnerError CheckComponents(const std::vector<ComponentDescriptor>& components) {
+Failure CheckComponents(const std::vector<ComponentDescriptor>& components) {
   PluginDescriptor plugin;
   plugin.struct_size = sizeof plugin;
   plugin.name = "tiny";
@@ -124,13 +123,13 @@ RunnerError CheckComponents(const std::vector<ComponentDescriptor>& components) 
   return Refusal([&] { CheckPluginDescriptor(&plugin, "tiny.so"); });
 }
 
-RunnerError CheckChanged(const std::function<void(ComponentDescriptor*)>& change) {
+Failure CheckChanged(const std::function<void(ComponentDescriptor*)>& change) {
   ComponentDescriptor component = TinyPlanner("tiny");
   change(&component);
   return CheckComponents({component});
 }
 
-RunnerError CheckParameters(const std::vector<ParameterSpec>& parameters) {
+Failure CheckParameters(const std::vector<ParameterSpec>& parameters) {
   return CheckChanged([&](ComponentDescriptor* component) {
     component->parameters = {parameters.data(), parameters.size()};
   });
@@ -157,7 +156,8 @@ TEST(CheckPluginDescriptor, WantsAKnownKindWithItsFactoryAlone) {
 }
 
 TEST(CheckPluginDescriptor, WantsNamesThatAreUniqueInAKind) {
-  for (const char* name : {"", "Upper", "9lives", "with space", "a-b", "\xc3\xa9t\xc3\xa9", "a.b"}) {
+  for (const char* name :
+       {"", "Upper", "9lives", "with space", "a-b", "\xc3\xa9t\xc3\xa9", "a.b"}) {
     EXPECT_EQ(CheckChanged([&](auto* c) { c->name = name; }).code(), kRefused) << name;
   }
   ExpectMessage(CheckChanged([](auto* c) { c->name = nullptr; }), kRefused, {"null pointer"});
@@ -188,13 +188,13 @@ TEST(CheckPluginDescriptor, WantsDefaultsAndPresetsInsideTheirRange) {
   ExpectMessage(
       CheckParameters({RealParameter("k", 1, 0, std::numeric_limits<double>::infinity(), "", "h")}),
       kRefused, {"finite range"});
-  ExpectMessage(
-      CheckParameters({RealParameter("k", std::numeric_limits<double>::quiet_NaN(), 0, 1, "", "h")}),
-      kRefused, {"its default", "nan"});
+  ExpectMessage(CheckParameters(
+                    {RealParameter("k", std::numeric_limits<double>::quiet_NaN(), 0, 1, "", "h")}),
+                kRefused, {"its default", "nan"});
   ExpectMessage(CheckParameters({IntParameter("k", 1, 0, 9, "", "h").Preset("fast", 2.5)}),
                 kRefused, {"preset 'fast'", "expected an integer, found 2.5"});
-  ExpectMessage(CheckParameters({IntParameter("k", 1, 0, 9, "", "h").Preset("fast", 10)}),
-                kRefused, {"preset 'fast'", "expected 0 to 9, found 10"});
+  ExpectMessage(CheckParameters({IntParameter("k", 1, 0, 9, "", "h").Preset("fast", 10)}), kRefused,
+                {"preset 'fast'", "expected 0 to 9, found 10"});
   ExpectMessage(
       CheckParameters({IntParameter("k", 1, 0, 9, "", "h").Preset("fast", 1).Preset("fast", 2)}),
       kRefused, {"preset 'fast' is given twice"});
@@ -222,10 +222,14 @@ TEST(CheckPluginDescriptor, WantsEachParameterAndMetricOnce) {
   strange.preset_count = kMaxPresets + 1;
   ExpectMessage(CheckParameters({strange}), kRefused, {"at most 4 presets, found 5"});
   const std::vector<MetricSpec> metrics = {{"m", "", ""}, {"m", "", ""}};
-  ExpectMessage(CheckChanged([&](auto* c) { c->metrics = {metrics.data(), metrics.size()}; }),
+  ExpectMessage(CheckChanged([&](auto* c) {
+                  c->metrics = {metrics.data(), metrics.size()};
+                }),
                 kRefused, {"two metrics are called 'm'"});
-  ExpectMessage(CheckChanged([&](auto* c) { c->metrics = {nullptr, 3}; }), kRefused,
-                {"3 entries at a null address"});
+  ExpectMessage(CheckChanged([&](auto* c) {
+                  c->metrics = {nullptr, 3};
+                }),
+                kRefused, {"3 entries at a null address"});
 }
 
 }  // namespace

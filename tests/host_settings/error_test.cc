@@ -1,10 +1,12 @@
 // Suggestions for names that are not known.
-#include "host/system/error.h"
+#include "results/system/error.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
+
+#include "results/system/names.h"
 
 namespace dreamsearch {
 namespace {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "refusal.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
@@ -64,12 +65,44 @@ TEST(ParseOptions, FillsInTheDefaultsOfTheContract) {
 }
 
 TEST(ParseOptions, ReadsEveryFlag) {
-  const Options options = ParseOptions(
-      {"--env", "a,b", "--planner=c,d", "--model", "e", "--eval-planner", "f", "--seeds", "3",
-       "--study", "it's", "--preset", "paper", "--steps", "12000", "--set", "planner.k=1", "--set",
-       "run.j = 2", "--db", "x.db", "--plugin-path", "p", "--plugin-path", "q", "--jobs", "4",
-       "--time-limit", "1.5h", "--memory-limit", "4G", "--hang-timeout", "90", "--retry",
-       "--replace", "--log-decisions", "--record-trees", "--dry-run"});
+  const Options options = ParseOptions({"--env",
+                                        "a,b",
+                                        "--planner=c,d",
+                                        "--model",
+                                        "e",
+                                        "--eval-planner",
+                                        "f",
+                                        "--seeds",
+                                        "3",
+                                        "--study",
+                                        "it's",
+                                        "--preset",
+                                        "paper",
+                                        "--steps",
+                                        "12000",
+                                        "--set",
+                                        "planner.k=1",
+                                        "--set",
+                                        "run.j = 2",
+                                        "--db",
+                                        "x.db",
+                                        "--plugin-path",
+                                        "p",
+                                        "--plugin-path",
+                                        "q",
+                                        "--jobs",
+                                        "4",
+                                        "--time-limit",
+                                        "1.5h",
+                                        "--memory-limit",
+                                        "4G",
+                                        "--hang-timeout",
+                                        "90",
+                                        "--retry",
+                                        "--replace",
+                                        "--log-decisions",
+                                        "--record-trees",
+                                        "--dry-run"});
   EXPECT_EQ(options.environments, (Words{"a", "b"}));
   EXPECT_EQ(options.planners, (Words{"c", "d"}));
   EXPECT_EQ(options.models, Words{"e"});
@@ -121,8 +154,8 @@ TEST(ParseOptions, RefusesSeedsThatAreNone) {
   for (const char* bad : {"0", "-1", "abc", "1.5", "", "18446744073709551616", "3 ", "0x3"}) {
     ExpectUsage({std::string("--seeds=") + bad}, {"--seeds"});
   }
-  for (const char* bad : {"-1", "abc", "1,,2", "3,3", "9223372036854775808",
-                          "18446744073709551616", "1,"}) {
+  for (const char* bad :
+       {"-1", "abc", "1,,2", "3,3", "9223372036854775808", "18446744073709551616", "1,"}) {
     ExpectUsage({"--seed-list", bad}, {"--seed-list", "expected"});
   }
   ExpectUsage({"--seeds", "-1"}, {"--seeds", "found '-1'"});
@@ -145,8 +178,9 @@ TEST(ParseOptions, RefusesLimitsThatAreNone) {
 }
 
 TEST_F(ConfigurationFile, IsReadAndTheCommandLineWins) {
-  Write("# a study\nenv = a,b   # two\nplanner = cem\nseeds = 5\nsteps = 400\nretry = true\n"
-        "set = planner.k=1\nset = run.j=2\nplugin-path = from_file\n");
+  Write(
+      "# a study\nenv = a,b   # two\nplanner = cem\nseeds = 5\nsteps = 400\nretry = true\n"
+      "set = planner.k=1\nset = run.j=2\nplugin-path = from_file\n");
   const Options options = ParseOptions({"--config", path_, "--planner", "rollout", "--seed-list",
                                         "9", "--set", "planner.k=3", "--plugin-path", "given"});
   EXPECT_EQ(options.environments, (Words{"a", "b"}));
@@ -191,23 +225,30 @@ TEST_F(ConfigurationFile, SaysLineAndNearestNameOfAMistake) {
 // What the command line hides is checked all the same.
 TEST_F(ConfigurationFile, IsCheckedWhole) {
   Write("jobs = many\n");
-  ExpectRefusal([&] { Parse({"--config", path_, "--jobs", "2"}); }, ExitCode::kBadInput,
-                {"line 1", "jobs"});
+  ExpectRefusal(
+      [&] {
+        Parse({"--config", path_, "--jobs", "2"});
+      },
+      ExitCode::kBadInput, {"line 1", "jobs"});
 }
 
 TEST_F(ConfigurationFile, MustExistAndBeAFile) {
-  ExpectRefusal([&] { Parse({"--config", path_ + ".nowhere"}); }, ExitCode::kNotFound,
-                {".nowhere"});
+  ExpectRefusal(
+      [&] {
+        Parse({"--config", path_ + ".nowhere"});
+      },
+      ExitCode::kNotFound, {".nowhere"});
   ExpectRefusal([&] { Parse({"--config", "/"}); }, ExitCode::kBadInput, {"folder"});
 }
 
 TEST(RunnerHelp, NamesEveryFlagOfTheContract) {
   const std::string help = RunnerHelp();
   for (const char* flag :
-       {"--env", "--planner", "--model", "--eval-planner", "--seeds", "--seed-list", "--study",
-        "--preset", "--steps", "--set", "--config", "--db", "--plugin-path", "--jobs",
-        "--time-limit", "--memory-limit", "--hang-timeout", "--retry", "--replace",
-        "--log-decisions", "--record-trees", "--dry-run", "--help", "--version"}) {
+       {"--env",          "--planner",      "--model",       "--eval-planner", "--seeds",
+        "--seed-list",    "--study",        "--preset",      "--steps",        "--set",
+        "--config",       "--db",           "--plugin-path", "--jobs",         "--time-limit",
+        "--memory-limit", "--hang-timeout", "--retry",       "--replace",      "--log-decisions",
+        "--record-trees", "--dry-run",      "--help",        "--version"}) {
     EXPECT_NE(help.find(flag), std::string::npos) << flag;
   }
 }

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "host/system/error.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 
@@ -16,7 +17,7 @@ inline void ExpectRefusal(const std::function<void()>& action, ExitCode code,
   try {
     action();
     ADD_FAILURE() << "nothing was refused; expected: " << JoinNames(parts);
-  } catch (const RunnerError& error) {
+  } catch (const Failure& error) {
     const std::string message = error.what();
     EXPECT_EQ(error.code(), code) << message;
     EXPECT_EQ(message.find('\n'), std::string::npos) << "more than one line: " << message;

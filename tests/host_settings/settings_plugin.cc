@@ -51,24 +51,23 @@ constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSp
           .create_planner = NoPlanner};
 }
 
-constexpr ComponentDescriptor kComponents[] = {
-    Task("walker_walk", nullptr),
-    Task("cup_catch", "ball_in_cup_catch"),
-    {.kind = ComponentKind::kModel,
-     .name = "dreamer",
-     .version = "1",
-     .summary = "A model.",
-     .parameters = ViewOf(kModel),
-     .create_model = NoModel},
-    {.kind = ComponentKind::kModel,
-     .needs_environment = true,
-     .name = "oracle",
-     .version = "1",
-     .summary = "A model.",
-     .create_model = NoModel},
-    PlannerOf("dreamer", ViewOf(kActor)),
-    PlannerOf("mcts_pw", ViewOf(kSearch)),
-    PlannerOf("cem", ViewOf(kCem))};
+constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
+                                               Task("cup_catch", "ball_in_cup_catch"),
+                                               {.kind = ComponentKind::kModel,
+                                                .name = "dreamer",
+                                                .version = "1",
+                                                .summary = "A model.",
+                                                .parameters = ViewOf(kModel),
+                                                .create_model = NoModel},
+                                               {.kind = ComponentKind::kModel,
+                                                .needs_environment = true,
+                                                .name = "oracle",
+                                                .version = "1",
+                                                .summary = "A model.",
+                                                .create_model = NoModel},
+                                               PlannerOf("dreamer", ViewOf(kActor)),
+                                               PlannerOf("mcts_pw", ViewOf(kSearch)),
+                                               PlannerOf("cem", ViewOf(kCem))};
 
 }  // namespace
 }  // namespace dreamsearch

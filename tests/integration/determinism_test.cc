@@ -103,8 +103,9 @@ TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
   const ProgramResult resumed = place_->Runner({"resume", "--db", "stopped.db", "--jobs", "2"});
   EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
   EXPECT_EQ(place_->Value("stopped.db", kDigests), reference_);
-  EXPECT_EQ(place_->Value("stopped.db", "select max(n) from (select count(*) as n from segment "
-                                        "group by run_id)"),
+  EXPECT_EQ(place_->Value("stopped.db",
+                          "select max(n) from (select count(*) as n from segment "
+                          "group by run_id)"),
             "2");
   EXPECT_EQ(place_->Value("stopped.db", "select count(*) from step"), "8000");
 }
@@ -121,9 +122,10 @@ TEST_F(DeterminismTest, AStopSignalToSupervisorAndWorkerLeavesACheckpoint) {
   EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
   EXPECT_EQ(place_->Value("job.db", "select status from run where run_id = 1"), "interrupted");
   // The checkpoint is of the step at which it stopped.
-  EXPECT_EQ(place_->Value("job.db", "select max(a.env_step) = s.to_env_step and s.to_env_step >= "
-                                    "1100 from artifact a, segment s where s.run_id = 1 and "
-                                    "a.run_id = 1 and a.kind = 'checkpoint'"),
+  EXPECT_EQ(place_->Value("job.db",
+                          "select max(a.env_step) = s.to_env_step and s.to_env_step >= "
+                          "1100 from artifact a, segment s where s.run_id = 1 and "
+                          "a.run_id = 1 and a.kind = 'checkpoint'"),
             "1");
   const ProgramResult resumed = place_->Runner({"resume", "1", "--db", "job.db"});
   EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
@@ -140,8 +142,9 @@ TEST_F(DeterminismTest, AWorkerWhoseSupervisorDiedLeavesACheckpoint) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   EXPECT_EQ(place_->Value("orphan.db", "select end_reason from segment"), "interrupted");
-  EXPECT_EQ(place_->Value("orphan.db", "select max(a.env_step) = s.to_env_step from artifact a, "
-                                       "segment s where a.kind = 'checkpoint'"),
+  EXPECT_EQ(place_->Value("orphan.db",
+                          "select max(a.env_step) = s.to_env_step from artifact a, "
+                          "segment s where a.kind = 'checkpoint'"),
             "1");
 }
 

@@ -98,8 +98,9 @@ TEST_F(EvalTest, TheSameCommandAgainPlaysNothing) {
 }
 
 TEST_F(EvalTest, WorksOnAMergedDatabase) {
-  ASSERT_EQ(place_->Runner({"eval", "--env", "pendulum_swingup", "--planner", "dreamer",
-                            "--episodes", "1", "--db", "other.db"})
+  ASSERT_EQ(place_
+                ->Runner({"eval", "--env", "pendulum_swingup", "--planner", "dreamer", "--episodes",
+                          "1", "--db", "other.db"})
                 .exit_status,
             0);
   {
@@ -110,8 +111,8 @@ TEST_F(EvalTest, WorksOnAMergedDatabase) {
   const std::string trained = place_->Value(
       "far/all.db", "select run_id from run where parent_run_id is null and planner = 'mcts_pw'");
   EXPECT_NE(trained, "1");
-  const ProgramResult played = place_->Runner({"eval", trained, "--planner", "rollout",
-                                               "--episodes", "1", "--db", "far/all.db"});
+  const ProgramResult played = place_->Runner(
+      {"eval", trained, "--planner", "rollout", "--episodes", "1", "--db", "far/all.db"});
   EXPECT_EQ(played.exit_status, 0) << played.err;
   const std::vector<std::string> save = {"export", trained, "--db", "far/all.db", "--out", "far/w"};
   EXPECT_EQ(place_->Runner(save).exit_status, 0);

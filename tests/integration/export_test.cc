@@ -7,8 +7,8 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "host/saving/checkpoint.h"
 #include "host/acting/components.h"
+#include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
 #include "program.h"
 

@@ -40,11 +40,20 @@ class FaultyPlanner final : public Planner {
     result->value = 0;
     if (request.environment_step < 1500) return OkStatus();
     switch (kFault) {
-      case Fault::kNan: result->action[0] = std::numeric_limits<double>::quiet_NaN(); break;
-      case Fault::kOutside: result->action[0] = 1.5; break;
-      case Fault::kThrow: Throw(); break;
-      case Fault::kSegfault: WriteToNull(); break;
-      case Fault::kExit: std::_Exit(0);
+      case Fault::kNan:
+        result->action[0] = std::numeric_limits<double>::quiet_NaN();
+        break;
+      case Fault::kOutside:
+        result->action[0] = 1.5;
+        break;
+      case Fault::kThrow:
+        Throw();
+        break;
+      case Fault::kSegfault:
+        WriteToNull();
+        break;
+      case Fault::kExit:
+        std::_Exit(0);
       case Fault::kHang: {
         volatile bool forever = true;
         while (forever) {

@@ -91,8 +91,8 @@ std::string Workplace::Value(const std::string& db, const std::string& sql) cons
 
 std::vector<std::string> TinyRun(const std::string& environment, const std::string& planner,
                                  const std::string& db, const std::vector<std::string>& more) {
-  std::vector<std::string> arguments = {"--env", environment, "--planner", planner, "--db", db,
-                                        "--steps", "4000"};
+  std::vector<std::string> arguments = {"--env", environment, "--planner", planner,
+                                        "--db",  db,          "--steps",   "4000"};
   for (const char* setting :
        {"run.prefill_steps=1000", "run.pretrain_updates=4", "run.train_every=250",
         "run.batch_size=4", "run.sequence_length=8", "run.eval_episodes=1", "run.eval_every=2000",

@@ -43,7 +43,6 @@ class Workplace {
 
 // Arguments of a run that takes about a second: real task, real model, tiny sizes.
 std::vector<std::string> TinyRun(const std::string& environment, const std::string& planner,
-                                 const std::string& db,
-                                 const std::vector<std::string>& more = {});
+                                 const std::string& db, const std::vector<std::string>& more = {});
 
 }  // namespace dreamsearch

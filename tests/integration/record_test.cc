@@ -13,10 +13,10 @@ class RecordTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     place_ = new Workplace;
-    std::vector<std::string> arguments = TinyRun(
-        "walker_walk,cartpole_swingup", "dreamer,rollout,mcts_pw,mcts_fixed", "r.db",
-        {"--set", "rollout.depth=2", "--set", "rollout.actor_candidates=4", "--set",
-         "rollout.uniform_candidates=4", "--set", "mcts_fixed.children=3"});
+    std::vector<std::string> arguments =
+        TinyRun("walker_walk,cartpole_swingup", "dreamer,rollout,mcts_pw,mcts_fixed", "r.db",
+                {"--set", "rollout.depth=2", "--set", "rollout.actor_candidates=4", "--set",
+                 "rollout.uniform_candidates=4", "--set", "mcts_fixed.children=3"});
     result_ = place_->Runner(arguments);
   }
   static void TearDownTestSuite() { delete place_; }
@@ -102,10 +102,10 @@ TEST_F(RecordTest, LossesAndSearchStatisticsAreScalars) {
 
 TEST_F(RecordTest, TheSameCommandAgainSkipsWhatIsFinished) {
   const std::string before = Value("select group_concat(result_digest || ended_utc) from run");
-  const ProgramResult again = place_->Runner(TinyRun(
-      "walker_walk,cartpole_swingup", "dreamer,rollout,mcts_pw,mcts_fixed", "r.db",
-      {"--set", "rollout.depth=2", "--set", "rollout.actor_candidates=4", "--set",
-       "rollout.uniform_candidates=4", "--set", "mcts_fixed.children=3"}));
+  const ProgramResult again = place_->Runner(
+      TinyRun("walker_walk,cartpole_swingup", "dreamer,rollout,mcts_pw,mcts_fixed", "r.db",
+              {"--set", "rollout.depth=2", "--set", "rollout.actor_candidates=4", "--set",
+               "rollout.uniform_candidates=4", "--set", "mcts_fixed.children=3"}));
   EXPECT_EQ(again.exit_status, 0) << again.err;
   EXPECT_NE(again.err.find("8 to skip, finished"), std::string::npos) << again.err;
   EXPECT_EQ(Value("select group_concat(result_digest || ended_utc) from run"), before);

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "host/processes/cores.h"
+#include "host/settings/cores.h"
 #include "program.h"
 
 namespace dreamsearch {

@@ -20,8 +20,8 @@
 #include "batches.h"
 #include "dreamsearch/random.h"
 #include "plugins/model_dreamer/behaviour.h"
-#include "plugins/networks/layers.h"
 #include "plugins/model_dreamer/learner.h"
+#include "plugins/networks/layers.h"
 
 namespace dreamsearch::dreamer {
 namespace {

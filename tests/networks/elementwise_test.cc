@@ -60,19 +60,19 @@ TYPED_TEST_SUITE(ElementwiseOf, Scalars);
 TYPED_TEST(ElementwiseOf, FunctionsAreExactToSomeRoundings) {
   using T = TypeParam;
   const double epsilon = static_cast<double>(std::numeric_limits<T>::epsilon());
-  const auto whole = [](std::vector<T>* v) { return Mat<T>(v->data(), static_cast<Index>(v->size()), 1); };
+  const auto whole = [](std::vector<T>* v) {
+    return Mat<T>(v->data(), static_cast<Index>(v->size()), 1);
+  };
   const auto one = [](double) { return 1.0; };
 
-  const double elu = LargestError<T>(
-      [&](std::vector<T>* v) { Elu(whole(v)); },
-      [](double x) { return x > 0 ? x : std::expm1(x); },
-      [](double x) { return std::max(1.0, std::abs(x)); });
+  const double elu = LargestError<T>([&](std::vector<T>* v) { Elu(whole(v)); },
+                                     [](double x) { return x > 0 ? x : std::expm1(x); },
+                                     [](double x) { return std::max(1.0, std::abs(x)); });
   Show("elu", elu / epsilon);
   EXPECT_LT(elu, 4 * epsilon);
 
-  const double sigmoid = LargestError<T>(
-      [&](std::vector<T>* v) { Sigmoid<T>(whole(v), whole(v)); },
-      [](double x) { return 1 / (1 + std::exp(-x)); }, one);
+  const double sigmoid = LargestError<T>([&](std::vector<T>* v) { Sigmoid<T>(whole(v), whole(v)); },
+                                         [](double x) { return 1 / (1 + std::exp(-x)); }, one);
   Show("sigmoid", sigmoid / epsilon);
   EXPECT_LT(sigmoid, 4 * epsilon);
 
@@ -82,8 +82,7 @@ TYPED_TEST(ElementwiseOf, FunctionsAreExactToSomeRoundings) {
         const auto n = static_cast<Index>(v->size());
         std::vector<T> raw(2 * v->size()), sample(v->size());
         std::copy(v->begin(), v->end(), raw.begin() + n);
-        GaussianForward<T>(Mat<T>(raw.data(), 2 * n, 1), Mat<T>(), T(0), whole(v),
-                           whole(&sample));
+        GaussianForward<T>(Mat<T>(raw.data(), 2 * n, 1), Mat<T>(), T(0), whole(v), whole(&sample));
       },
       [](double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); },
       [](double x) { return std::max(1.0, std::abs(x)); });
@@ -96,8 +95,8 @@ TYPED_TEST(ElementwiseOf, FunctionsAreExactToSomeRoundings) {
         const auto n = static_cast<Index>(v->size());
         std::vector<T> raw(2 * v->size()), squashed(v->size()), std(v->size());
         std::copy(v->begin(), v->end(), raw.begin());
-        ActorForward<T>(Mat<T>(raw.data(), 2 * n, 1), Mat<T>(), {.mean_limit = 1},
-                        whole(&squashed), whole(&std), whole(v), Mat<T>());
+        ActorForward<T>(Mat<T>(raw.data(), 2 * n, 1), Mat<T>(), {.mean_limit = 1}, whole(&squashed),
+                        whole(&std), whole(v), Mat<T>());
       },
       [](double x) { return std::tanh(std::tanh(x)); }, one);
   Show("tanh of tanh", tanh / epsilon);

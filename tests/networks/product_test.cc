@@ -156,8 +156,8 @@ void ExpectColumnsAlone(Index out, Index in, Multiply multiply) {
     const Index first = kMost - n;
     multiply(Mat<const float>(x.data() + first * in, in, n),
              F(together.data() + first * out, out, n));
-    ASSERT_TRUE(std::equal(together.begin() + first * out, together.end(),
-                           alone.begin() + first * out))
+    ASSERT_TRUE(
+        std::equal(together.begin() + first * out, together.end(), alone.begin() + first * out))
         << out << " x " << in << ", " << n << " columns";
   }
 }
@@ -170,12 +170,10 @@ TEST(Product, AColumnHasTheSameBitsWhateverStandsBesideIt) {
       PackedWeights<float> packed({{0, out, 0, in}});
       packed.Pack(w.data());
       const std::vector<float> bias = Normals(&random, out);
-      ExpectColumnsAlone(out, in, [&](Mat<const float> x, F y) {
-        packed.SetProduct(0, bias.data(), x, y);
-      });
-      ExpectColumnsAlone(in, out, [&](Mat<const float> dy, F dx) {
-        packed.SetTransposedProduct(0, dy, dx);
-      });
+      ExpectColumnsAlone(out, in,
+                         [&](Mat<const float> x, F y) { packed.SetProduct(0, bias.data(), x, y); });
+      ExpectColumnsAlone(
+          in, out, [&](Mat<const float> dy, F dx) { packed.SetTransposedProduct(0, dy, dx); });
     }
   }
 }

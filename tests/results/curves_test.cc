@@ -7,11 +7,12 @@
 #include <regex>
 
 #include "recording.h"
-#include "results/figures/curve_figure.h"
-#include "results/figures/page/embedded.h"
 #include "results/analysis/published.h"
 #include "results/database/query.h"
+#include "results/figures/curve_figure.h"
+#include "results/figures/page/embedded.h"
 #include "results/figures/report.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -10,18 +10,20 @@
 
 #include "recording.h"
 #include "results/database/schema.h"
+#include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 namespace {
 
-int ExitCodeOf(const std::function<void()>& call, const std::string& names = "") {
+ExitCode ExitCodeOf(const std::function<void()>& call, const std::string& names = "") {
   try {
     call();
-  } catch (const Error& error) {
+  } catch (const Failure& error) {
     EXPECT_NE(std::string(error.what()).find(names), std::string::npos) << error.what();
-    return error.exit_code();
+    return error.code();
   }
-  return 0;
+  return ExitCode::kOk;
 }
 
 void Write(const std::string& path, const std::string& bytes) {
@@ -87,7 +89,7 @@ TEST(Database, OpeningItAgainFindsWhatWasThere) {
   EXPECT_EQ(db->GetRun(run)->task, "walker_walk");
   const auto reader = Database::OpenReadOnly(folder / "r.db");
   EXPECT_EQ(reader->GetRun(run)->task, "walker_walk");
-  EXPECT_NE(ExitCodeOf([&] { reader->Study("new"); }), 0);
+  EXPECT_NE(ExitCodeOf([&] { reader->Study("new"); }), ExitCode::kOk);
 }
 
 TEST(Database, AReaderLeavesNoFilesBehind) {
@@ -111,14 +113,14 @@ TEST(Database, AReadOnlyFolderCanBeReadAndNotWritten) {
     int failures = 0;
     try {
       failures += Database::OpenReadOnly(folder / "r?%41.db")->ListRuns().size() != 1;
-    } catch (const Error& error) {
+    } catch (const Failure& error) {
       std::fprintf(stderr, "%s\n", error.what());
       failures += 2;
     }
-    failures +=
-        4 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "r?%41.db"); }) != kExitPermission);
-    failures +=
-        8 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "new.db"); }) != kExitPermission);
+    failures += 4 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "r?%41.db"); }) !=
+                     ExitCode::kPermission);
+    failures += 8 * (ExitCodeOf([&] { Database::OpenOrCreate(folder / "new.db"); }) !=
+                     ExitCode::kPermission);
     _exit(failures);
   }
   int status = 0;
@@ -133,8 +135,8 @@ TEST(Database, AFileThatIsNotOursIsRefusedAndUntouched) {
   Write(path,
         "This is a text of more than a hundred bytes, which is what an SQLite file's header "
         "has, and no database at all, nor will it become one.");
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, path), kExitBadData);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, path), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, path), ExitCode::kBadInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, path), ExitCode::kBadInput);
   std::ifstream file(path);
   std::string word;
   EXPECT_TRUE(file >> word);
@@ -150,7 +152,8 @@ TEST(Database, AnotherProgramsSqliteFileIsRefusedAndUntouched) {
   sqlite3_exec(other, "CREATE TABLE bookmarks (url TEXT)", nullptr, nullptr, nullptr);
   sqlite3_close(other);
   const auto size = std::filesystem::file_size(path);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "another program"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "another program"),
+            ExitCode::kBadInput);
   EXPECT_EQ(std::filesystem::file_size(path), size);
 }
 
@@ -163,7 +166,8 @@ TEST(Database, ATruncatedFileIsRefused) {
   }
   for (const std::uintmax_t size : {50u, 100u, 1000u, 4096u, 9000u}) {
     std::filesystem::resize_file(path, size);
-    EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path)->ListRuns(); }), kExitBadData) << size;
+    EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path)->ListRuns(); }), ExitCode::kBadInput)
+        << size;
   }
 }
 
@@ -171,8 +175,8 @@ TEST(Database, ANewerSchemaIsRefused) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.db";
   Database::OpenOrCreate(path)->connection().Execute("PRAGMA user_version = 99");
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "schema 99"), kExitBadData);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "schema 99"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(path); }, "schema 99"), ExitCode::kBadInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "schema 99"), ExitCode::kBadInput);
 }
 
 // Migrations go forward only: a file of each older schema, with a run in it, becomes
@@ -233,7 +237,7 @@ TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
   const auto refused = [&](const std::string& names) {
     for (const auto& open :
          {Database::OpenReadOnly, Database::OpenExisting, Database::OpenOrCreate}) {
-      EXPECT_EQ(ExitCodeOf([&] { open(path); }, names), kExitInputOutput);
+      EXPECT_EQ(ExitCodeOf([&] { open(path); }, names), ExitCode::kInputOutput);
     }
     Connection old(path, OpenMode::kReadWrite);
     EXPECT_EQ(old.QueryInt("PRAGMA user_version"), SchemaVersion() - 1);
@@ -252,26 +256,27 @@ TEST(Database, AnEmptyFileBecomesADatabaseOnlyWhenAskedTo) {
   const TemporaryFolder folder;
   const std::string path = folder / "x.db";
   Write(path, "");
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "empty"), kExitBadData);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(path); }, "empty"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(path); }, "empty"), ExitCode::kBadInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(path); }, "empty"), ExitCode::kBadInput);
   EXPECT_NO_THROW(Database::OpenOrCreate(path));
 }
 
 TEST(Database, WhatIsMissingOrInTheWaySaysSo) {
   const TemporaryFolder folder;
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "no.db"); }, folder / "no.db"),
-            kExitNoInput);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(folder / "no.db"); }), kExitNoInput);
+            ExitCode::kNotFound);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(folder / "no.db"); }), ExitCode::kNotFound);
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder.path()); }, "folder"),
-            kExitCannotCreate);
+            ExitCode::kCannotCreate);
   Write(folder / "file", "x");
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "file/r.db"); }, folder / "file"),
-            kExitCannotCreate);
+            ExitCode::kCannotCreate);
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "pipe"); }, "a pipe"),
-            kExitCannotCreate);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "pipe"); }, "a pipe"), kExitBadData);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(""); }, "--db"), kExitUsage);
+            ExitCode::kCannotCreate);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "pipe"); }, "a pipe"),
+            ExitCode::kBadInput);
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(""); }, "--db"), ExitCode::kUsage);
 }
 
 TEST(Database, DeletedWhileOpenIsFoundAtTheNextWrite) {
@@ -279,7 +284,7 @@ TEST(Database, DeletedWhileOpenIsFoundAtTheNextWrite) {
   const auto db = Database::OpenOrCreate(folder / "r.db");
   db->Study("a");
   std::filesystem::remove(folder / "r.db");
-  EXPECT_EQ(ExitCodeOf([&] { db->Study("b"); }, "deleted"), kExitInputOutput);
+  EXPECT_EQ(ExitCodeOf([&] { db->Study("b"); }, "deleted"), ExitCode::kInputOutput);
 }
 
 TEST(Database, ADeletedWalIsFoundAtTheNextWrite) {
@@ -288,7 +293,7 @@ TEST(Database, ADeletedWalIsFoundAtTheNextWrite) {
   db->Study("a");
   db->Study("b");
   std::filesystem::remove(folder / "r.db-wal");
-  EXPECT_EQ(ExitCodeOf([&] { db->Study("c"); }, "r.db-wal"), kExitInputOutput);
+  EXPECT_EQ(ExitCodeOf([&] { db->Study("c"); }, "r.db-wal"), ExitCode::kInputOutput);
 }
 
 TEST(Database, ProvenanceIsStoredOnce) {
@@ -319,7 +324,7 @@ TEST(Database, ATaskWithOtherFiguresIsRefused) {
   TaskInfo task = {.name = "t", .observation_size = 3, .return_low = 0, .return_high = 1000};
   EXPECT_EQ(db->Task(task), db->Task(task));
   task.observation_size = 4;
-  EXPECT_EQ(ExitCodeOf([&] { db->Task(task); }, "'t'"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([&] { db->Task(task); }, "'t'"), ExitCode::kBadInput);
   // Without a range there is no normalised score.
   db->Task({.name = "u", .return_low = 0, .return_high = 0});
   EXPECT_EQ(Count(db.get(), "SELECT return_low IS NULL FROM task WHERE name = 'u'"), 1);
@@ -375,8 +380,8 @@ TEST(Database, AUuidIsVersionFourAndFoundByItsBeginning) {
   }
   EXPECT_EQ(db->GetRun(run.uuid.substr(0, 8)).run_id, run.run_id);
   EXPECT_EQ(db->GetRun(std::to_string(run.run_id)).uuid, run.uuid);
-  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("zzzz"); }, "no run 'zzzz'"), kExitNoInput);
-  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("%"); }), kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("zzzz"); }, "no run 'zzzz'"), ExitCode::kNotFound);
+  EXPECT_EQ(ExitCodeOf([&] { db->GetRun("%"); }), ExitCode::kNotFound);
 }
 
 // The status of a worker that is no longer the last says nothing about the run.
@@ -424,12 +429,12 @@ TEST(Database, StatusIsStoredAndEndsTheSegment) {
   EXPECT_EQ(db->connection().QueryText("SELECT end_reason FROM segment"), "crashed");
   db->SetRunStatus(run, RunStatus::kQueued);
   EXPECT_TRUE(db->GetRun(run)->ended_utc.empty());
-  EXPECT_EQ(ExitCodeOf([&] { db->SetRunStatus(999, RunStatus::kKilled); }), kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { db->SetRunStatus(999, RunStatus::kKilled); }), ExitCode::kNotFound);
   for (int i = 0; i < 8; ++i) {
     const auto status = static_cast<RunStatus>(i);
     EXPECT_EQ(ParseRunStatus(RunStatusName(status)), status);
   }
-  EXPECT_EQ(ExitCodeOf([] { ParseRunStatus("done"); }, "'done'"), kExitBadData);
+  EXPECT_EQ(ExitCodeOf([] { ParseRunStatus("done"); }, "'done'"), ExitCode::kBadInput);
 }
 
 TEST(Database, FiltersTakeListsAndNothingElse) {
@@ -491,7 +496,7 @@ TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
   }
   EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM chunk_digest WHERE run_id = 2"), 3);
   EXPECT_EQ(db->connection().QueryText("SELECT path FROM artifact"), "r.db.files/u/ckpt");
-  EXPECT_EQ(ExitCodeOf([&] { db->DeleteRun(doomed); }), kExitNoInput);
+  EXPECT_EQ(ExitCodeOf([&] { db->DeleteRun(doomed); }), ExitCode::kNotFound);
 }
 
 TEST(Database, AReplacedRunKeepsItsIdentityAndNothingElse) {

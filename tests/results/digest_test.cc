@@ -8,6 +8,7 @@
 
 #include "results/database/derived_rows.h"
 #include "results/system/error.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -22,8 +23,8 @@ TEST(Sha256, AnUnreadableFileIsAnErrorThatNamesIt) {
   try {
     Sha256HexOfFile("/nowhere/at/all");
     FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.exit_code(), kExitNoInput);
+  } catch (const Failure& error) {
+    EXPECT_EQ(error.code(), ExitCode::kNotFound);
     EXPECT_NE(std::string(error.what()).find("/nowhere/at/all"), std::string::npos);
   }
 }

@@ -10,6 +10,7 @@
 #include "faulty_vfs.h"
 #include "recording.h"
 #include "results/database/verification.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -87,7 +88,7 @@ std::string Damage(const std::string& path, std::int64_t committed) {
     if (Count(db.get(), "SELECT count(*) FROM step") != (episodes + 1) * kRows)
       return "not resumed";
     return "";
-  } catch (const Error& error) {
+  } catch (const Failure& error) {
     return error.what();
   }
 }
@@ -138,8 +139,8 @@ void FailAt(Fault fault, int n, int* points) {
   const auto insist = [&path](const std::function<void()>& call) {
     try {
       call();
-    } catch (const Error& error) {
-      if (error.exit_code() != kExitInputOutput ||
+    } catch (const Failure& error) {
+      if (error.code() != ExitCode::kInputOutput ||
           std::string(error.what()).find(path) == std::string::npos) {
         throw;
       }

@@ -185,7 +185,7 @@ TEST_F(MergeTest, ATaskWithOtherFiguresIsRefused) {
   a->connection().Execute("UPDATE task SET observation_size = 7");
   const auto b = Open("b.db");
   Record(b.get(), {.seed = 1}, 1);
-  EXPECT_THROW(Merge(b.get(), folder_ / "a.db"), Error);
+  EXPECT_THROW(Merge(b.get(), folder_ / "a.db"), Failure);
   EXPECT_EQ(Count(b.get(), "SELECT count(*) FROM run"), 1);
 }
 
@@ -244,7 +244,7 @@ TEST_F(MergeTest, ARunThatEndsMeanwhileIsCopiedAsItEnded) {
 
 TEST_F(MergeTest, ADatabaseIsNotMergedIntoItself) {
   const auto a = Open("a.db");
-  EXPECT_THROW(Merge(a.get(), folder_ / "a.db"), Error);
+  EXPECT_THROW(Merge(a.get(), folder_ / "a.db"), Failure);
 }
 
 }  // namespace

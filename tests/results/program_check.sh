@@ -28,8 +28,8 @@ for command in list show curves compare report export import merge verify delete
 done
 expect 0 "results " "$results" --version
 expect 0 "usage" "$results" --help
-expect 2 "Did you mean 'curves'" "$results" curvs
-expect 2 "Did you mean 'mcts_pw'" "$results" list --db "$database" --planner mcts_wp
+expect 2 "Did you mean curves" "$results" curvs
+expect 2 "Did you mean mcts_pw" "$results" list --db "$database" --planner mcts_wp
 expect 66 "no such database" "$results" list --db "$folder/none.db"
 printf 'no database at all, but a text that is longer than a header of a hundred bytes, so that SQLite reads it' > "$folder/text.db"
 expect 65 "not an SQLite file" "$results" list --db "$folder/text.db"
@@ -65,7 +65,7 @@ for points in 2 0 1001 9223372036854775807 x; do
   expect 2 "--smooth" "$results" curves --db "$database" --smooth $points --out "$folder/d.svg"
 done
 expect 0 "wrote" "$results" curves --db "$database" --smooth 3 --out "$folder/d.svg"
-expect 66 "There are none" "$results" curves --db "$database" --published all --out "$folder/d.svg"
+expect 66 "Known: none" "$results" curves --db "$database" --published all --out "$folder/d.svg"
 # Not the picture of before under a new name: a changed request is a changed picture.
 if cmp -s "$folder/a.svg" "$folder/b.svg"; then failures=$((failures + 1)); echo "FAILED: equal pictures"; fi
 
@@ -138,7 +138,7 @@ for rows in curves episodes finals; do
 done
 expect 2 "rows of 'steps' have no phase" "$results" export --db "$database" --rows steps --phase 1
 expect 0 "points" "$results" import "$folder/out.dreamer" --db "$folder/imported.db"
-expect 66 "Did you mean .dreamer" "$results" curves --db "$folder/imported.db" --published dremer --out "$folder/d.svg"
+expect 66 "Did you mean dreamer" "$results" curves --db "$folder/imported.db" --published dremer --out "$folder/d.svg"
 expect 0 "files below" "$results" export --db "$database" --format tdmpc2 --out "$folder/scores"
 expect 0 "wrote 1 file below" "$results" export --db "$database" --format tdmpc2 --env walker_walk --planner rollout --out "$folder/score"
 expect 0 "points" "$results" import "$folder/scores/rollout/walker-walk.csv" --db "$folder/imported.db"

@@ -5,8 +5,10 @@
 #include <fstream>
 
 #include "recording.h"
+#include "results/database/table.h"
 #include "results/figures/curve_figure.h"
-#include "results/figures/table.h"
+#include "results/system/error.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -21,8 +23,8 @@ void ExpectMalformed(const std::string& bytes, const std::string& where) {
   try {
     Parse(bytes);
     FAIL() << bytes;
-  } catch (const Error& error) {
-    EXPECT_EQ(error.exit_code(), kExitBadData);
+  } catch (const Failure& error) {
+    EXPECT_EQ(error.code(), ExitCode::kBadInput);
     EXPECT_NE(std::string(error.what()).find(where), std::string::npos) << error.what();
   }
 }

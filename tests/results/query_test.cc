@@ -7,6 +7,7 @@
 
 #include "recording.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -43,7 +44,7 @@ TEST_F(QueryTest, ChangesNothing) {
         "DROP TABLE run", "CREATE TABLE x (y)", "UPDATE sqlite_master SET name = 'x'",
         "DELETE FROM sqlite_master", "ATTACH 'x.db' AS x", "PRAGMA query_only = OFF", "VACUUM",
         "BEGIN", "SELECT 1; DELETE FROM run", "SELECT", ""}) {
-    EXPECT_THROW(Csv(sql), Error) << sql;
+    EXPECT_THROW(Csv(sql), Failure) << sql;
     // Nor does a refused query leave anything behind that lets the next one through.
     Csv("SELECT value FROM json_each('[5]')");
   }
@@ -63,7 +64,7 @@ TEST(OutputFile, WritesWhereALinkPointsAndLeavesTheLink) {
     EXPECT_EQ(ReadWholeFile(folder / "target"), text);
   }
   std::filesystem::create_symlink("loop", folder / "loop");
-  EXPECT_THROW(WriteFile(folder / "loop", "x"), Error);
+  EXPECT_THROW(WriteFile(folder / "loop", "x"), Failure);
 }
 
 TEST(OutputFile, WritesIntoWhatIsNoRegularFile) {

@@ -8,6 +8,7 @@
 
 #include "recording.h"
 #include "results/database/derived_rows.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -295,7 +296,7 @@ TEST_F(RunWriterTest, ARunWithoutTheRowsOfItsCheckpointIsNotTouched) {
   ResumePoint point = {.env_step = 5000, .training_episodes = 5};
   point.rows = RowSums{.steps = 2500, .episodes = 5};
   RunWriter writer(db_.get(), run_);
-  EXPECT_THROW(writer.BeginSegment(MakeSegment(db_.get()), point), Error);
+  EXPECT_THROW(writer.BeginSegment(MakeSegment(db_.get()), point), Failure);
   EXPECT_EQ(Everything(), before);
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM segment"), 1);
 }
@@ -370,7 +371,7 @@ TEST_F(RunWriterTest, OnlyTheLastSegmentsWriterMayCommit) {
   RunWriter second(other.get(), run_);
   second.BeginSegment(MakeSegment(other.get()));
   first.AddStep({.env_step = 2});
-  EXPECT_THROW(first.Commit(), Error);
+  EXPECT_THROW(first.Commit(), Failure);
   second.AddStep({.env_step = 2});
   second.Commit();
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM step"), 1);
@@ -382,16 +383,16 @@ TEST_F(RunWriterTest, AFailedCommitKeepsItsRows) {
   writer.AddStep({.env_step = 2});
   const std::int64_t pages = Count(db_.get(), "PRAGMA page_count");
   db_->connection().Execute("PRAGMA max_page_count = " + std::to_string(pages));
-  int exit_code = 0;
+  ExitCode code = ExitCode::kOk;
   std::int64_t env_step = 2;
   try {
     while (env_step < 100000) writer.AddStep({.env_step = env_step += 2});
-  } catch (const Error& error) {
-    exit_code = error.exit_code();
+  } catch (const Failure& error) {
+    code = error.code();
     EXPECT_NE(std::string(error.what()).find("disk is full"), std::string::npos);
     EXPECT_NE(std::string(error.what()).find("bytes free"), std::string::npos);
   }
-  EXPECT_EQ(exit_code, kExitInputOutput);
+  EXPECT_EQ(code, ExitCode::kInputOutput);
   db_->connection().Execute("PRAGMA max_page_count = 1000000");
   writer.Commit();
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM step"), env_step / 2);
@@ -401,10 +402,10 @@ TEST_F(RunWriterTest, AFailedCommitKeepsItsRows) {
 TEST_F(RunWriterTest, AnUnknownActivityOrLevelIsRefusedByName) {
   RunWriter writer(db_.get(), run_);
   writer.BeginSegment(MakeSegment(db_.get()));
-  EXPECT_THROW(writer.AddTimeUse(0, "sleeping", 1), Error);
-  EXPECT_THROW(writer.AddTimeUse(0, "environment, planning", 1), Error);
-  EXPECT_THROW(writer.AddEvent(0, "fatal", "x", ""), Error);
-  EXPECT_THROW(writer.AddScalar(0, 12345, 1), Error);
+  EXPECT_THROW(writer.AddTimeUse(0, "sleeping", 1), Failure);
+  EXPECT_THROW(writer.AddTimeUse(0, "environment, planning", 1), Failure);
+  EXPECT_THROW(writer.AddEvent(0, "fatal", "x", ""), Failure);
+  EXPECT_THROW(writer.AddScalar(0, 12345, 1), Failure);
 }
 
 TEST_F(RunWriterTest, FinishStoresTheResultDigest) {

@@ -16,6 +16,7 @@
 #include "dreamsearch/random.h"
 #include "results/database/database.h"
 #include "results/database/run_writer.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -154,10 +155,11 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
 }  // namespace dreamsearch::results
 
 int main(int argc, char** argv) {
+  using namespace dreamsearch;
   using namespace dreamsearch::results;
   if (argc < 6) {
     std::fprintf(stderr, "usage: synthetic_database FILE TASKS PLANNERS SEEDS STEPS [decisions]\n");
-    return kExitUsage;
+    return static_cast<int>(ExitCode::kUsage);
   }
   try {
     const auto db = Database::OpenOrCreate(argv[1]);
@@ -170,9 +172,9 @@ int main(int argc, char** argv) {
         }
       }
     }
-  } catch (const Error& error) {
+  } catch (const Failure& error) {
     std::fprintf(stderr, "synthetic_database: %s\n", error.what());
-    return error.exit_code();
+    return error.exit_status();
   }
   return 0;
 }

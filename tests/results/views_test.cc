@@ -86,8 +86,8 @@ TEST_F(ViewsTest, EvaluationsOfATrainedRunStayOutOfTheCurves) {
 // `runner eval --env` on the true dynamics: nothing trains, so there is no parent either.
 TEST_F(ViewsTest, EvaluationsWithoutTrainingStayOutOfTheCurves) {
   AddRun({}, {{Phase::kTraining, 0, 1000, 1}});
-  AddRun({.planner = "cem", .env_steps_target = 0}, {{Phase::kSearchEvaluation, 0, 0, 99},
-                                                     {Phase::kSearchEvaluation, 1, 0, 99}});
+  AddRun({.planner = "cem", .env_steps_target = 0},
+         {{Phase::kSearchEvaluation, 0, 0, 99}, {Phase::kSearchEvaluation, 1, 0, 99}});
   EXPECT_EQ(Rows("SELECT phase, mean FROM v_curve"), (Lines{"0|1.0"}));
   EXPECT_EQ(Rows("SELECT count(*) FROM v_final"), (Lines{"0"}));
   EXPECT_EQ(Rows("SELECT DISTINCT planner FROM v_time"), (Lines{"mcts_pw"}));

@@ -41,10 +41,14 @@ inline constexpr InstructionSet kInstructionSets[] = {
 
 inline const char* InstructionSetName(InstructionSet set) noexcept {
   switch (set) {
-    case InstructionSet::kBaseline: return "x86-64";
-    case InstructionSet::kAvx2: return "avx2";
-    case InstructionSet::kAvx512: return "avx512";
-    case InstructionSet::kAmx: return "amx";
+    case InstructionSet::kBaseline:
+      return "x86-64";
+    case InstructionSet::kAvx2:
+      return "avx2";
+    case InstructionSet::kAvx512:
+      return "avx512";
+    case InstructionSet::kAmx:
+      return "amx";
   }
   return "unknown";
 }
@@ -78,7 +82,7 @@ inline InstructionSet FindInstructionSet() noexcept {
   if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return InstructionSet::kAvx512;
   const bool tiles = (d >> 22 & 1) != 0 && (d >> 24 & 1) != 0;  // amx-bf16, amx-tile
   if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return InstructionSet::kAvx512;
-  const bool rounding = (a >> 5 & 1) != 0;  // avx512-bf16
+  const bool rounding = (a >> 5 & 1) != 0;     // avx512-bf16
   constexpr long kRequestPermission = 0x1023;  // ARCH_REQ_XCOMP_PERM
   constexpr long kTileData = 18;
   if (tiles && rounding && ::syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0) {

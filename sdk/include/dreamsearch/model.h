@@ -101,13 +101,13 @@ struct ObserveRequest {
 // belongs to time t of sequence b; action and reward are those that *led to* the
 // observation of the same row, zero where it is an episode's first.
 struct SequenceBatch {
-  std::uint64_t sequences = 0;          // B
-  std::uint64_t length = 0;             // T
-  MatrixView<const float> observations; // [B * T, O]
-  MatrixView<const float> actions;      // [B * T, A]
-  View<const float> rewards;            // [B * T]
-  View<const float> discounts;          // [B * T]: 0 at a terminal state, else 1
-  View<const std::uint8_t> is_first;    // [B * T]: 1 at an episode's first observation
+  std::uint64_t sequences = 0;           // B
+  std::uint64_t length = 0;              // T
+  MatrixView<const float> observations;  // [B * T, O]
+  MatrixView<const float> actions;       // [B * T, A]
+  View<const float> rewards;             // [B * T]
+  View<const float> discounts;           // [B * T]: 0 at a terminal state, else 1
+  View<const std::uint8_t> is_first;     // [B * T]: 1 at an episode's first observation
 };
 
 struct TrainRequest {

@@ -27,9 +27,12 @@ enum class ComponentKind : std::uint32_t { kEnvironment = 1, kModel = 2, kPlanne
 
 inline const char* ComponentKindName(ComponentKind kind) noexcept {
   switch (kind) {
-    case ComponentKind::kEnvironment: return "environment";
-    case ComponentKind::kModel: return "model";
-    case ComponentKind::kPlanner: return "planner";
+    case ComponentKind::kEnvironment:
+      return "environment";
+    case ComponentKind::kModel:
+      return "model";
+    case ComponentKind::kPlanner:
+      return "planner";
   }
   return "unknown";
 }
@@ -40,11 +43,11 @@ struct EnvironmentContext {
 
 struct ModelContext {
   Parameters parameters;
-  std::uint64_t observation_size = 0;      // O
-  std::uint64_t action_size = 0;           // A
-  std::uint32_t action_repeat = 1;         // environment steps a decision
-  std::uint32_t episode_decisions = 0;     // decisions in an episode
-  std::uint64_t seed = 0;                  // initial parameters
+  std::uint64_t observation_size = 0;   // O
+  std::uint64_t action_size = 0;        // A
+  std::uint32_t action_repeat = 1;      // environment steps a decision
+  std::uint32_t episode_decisions = 0;  // decisions in an episode
+  std::uint64_t seed = 0;               // initial parameters
   // Only for a model with needs_environment: an environment of its own, which it
   // does not destroy and which outlives it; otherwise null.
   Environment* environment = nullptr;
@@ -69,13 +72,13 @@ using PlannerFactory = Status (*)(const PlannerContext& context, Planner** resul
 // One thing a plugin offers. Exactly the factory of its kind is set.
 struct ComponentDescriptor {
   ComponentKind kind = ComponentKind::kEnvironment;
-  bool needs_environment = false;   // models only: see ModelContext::environment
-  const char* name = nullptr;       // [a-z][a-z0-9_]*, unique among components of its kind
-  const char* aliases = nullptr;    // other names, "one,two"; may be null
-  const char* version = nullptr;    // of the component
-  const char* summary = nullptr;    // one line
+  bool needs_environment = false;  // models only: see ModelContext::environment
+  const char* name = nullptr;      // [a-z][a-z0-9_]*, unique among components of its kind
+  const char* aliases = nullptr;   // other names, "one,two"; may be null
+  const char* version = nullptr;   // of the component
+  const char* summary = nullptr;   // one line
   View<const ParameterSpec> parameters;
-  View<const MetricSpec> metrics;   // what Plan or Train reports
+  View<const MetricSpec> metrics;  // what Plan or Train reports
   EnvironmentFactory create_environment = nullptr;
   ModelFactory create_model = nullptr;
   PlannerFactory create_planner = nullptr;
@@ -85,13 +88,29 @@ struct ComponentDescriptor {
 // sizes of every struct that crosses it, as this compiler lays them out.
 constexpr std::uint64_t LayoutTag() noexcept {
   std::uint64_t tag = DREAMSEARCH_SDK_MAJOR;
-  for (const std::uint64_t size :
-       {std::uint64_t{sizeof(Status)}, sizeof(View<double>), sizeof(MatrixView<double>), sizeof(ParameterSpec),
-        sizeof(ParameterValue), sizeof(MetricSpec), sizeof(ObservationPart),
-        sizeof(EnvironmentSpec), sizeof(StepResult), sizeof(RenderRequest), sizeof(ImagineRequest),
-        sizeof(ImagineResult), sizeof(ValueResult), sizeof(ObserveRequest), sizeof(SequenceBatch),
-        sizeof(TrainRequest), sizeof(TreeEdge), sizeof(PlanRequest), sizeof(PlanResult), sizeof(EnvironmentContext),
-        sizeof(ModelContext), sizeof(PlannerContext), sizeof(ComponentDescriptor)}) {
+  for (const std::uint64_t size : {std::uint64_t{sizeof(Status)},
+                                   sizeof(View<double>),
+                                   sizeof(MatrixView<double>),
+                                   sizeof(ParameterSpec),
+                                   sizeof(ParameterValue),
+                                   sizeof(MetricSpec),
+                                   sizeof(ObservationPart),
+                                   sizeof(EnvironmentSpec),
+                                   sizeof(StepResult),
+                                   sizeof(RenderRequest),
+                                   sizeof(ImagineRequest),
+                                   sizeof(ImagineResult),
+                                   sizeof(ValueResult),
+                                   sizeof(ObserveRequest),
+                                   sizeof(SequenceBatch),
+                                   sizeof(TrainRequest),
+                                   sizeof(TreeEdge),
+                                   sizeof(PlanRequest),
+                                   sizeof(PlanResult),
+                                   sizeof(EnvironmentContext),
+                                   sizeof(ModelContext),
+                                   sizeof(PlannerContext),
+                                   sizeof(ComponentDescriptor)}) {
     tag = tag * 1099511628211ull ^ size;
   }
   return tag;
@@ -131,13 +150,13 @@ constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
 }  // namespace dreamsearch
 
 // Exports `components`, an array of ComponentDescriptor with static storage.
-#define DREAMSEARCH_PLUGIN(plugin_name, plugin_version, plugin_components)                        \
-  extern "C" __attribute__((visibility("default"))) const ::dreamsearch::PluginDescriptor*        \
-  dreamsearch_plugin_v0() {                                                                       \
-    static constexpr ::dreamsearch::PluginDescriptor descriptor = {                               \
-        .struct_size = sizeof(::dreamsearch::PluginDescriptor),                                   \
-        .name = plugin_name,                                                                      \
-        .version = plugin_version,                                                                \
-        .components = ::dreamsearch::ViewOf(plugin_components)};                                  \
-    return &descriptor;                                                                           \
+#define DREAMSEARCH_PLUGIN(plugin_name, plugin_version, plugin_components)                 \
+  extern "C" __attribute__((visibility("default"))) const ::dreamsearch::PluginDescriptor* \
+  dreamsearch_plugin_v0() {                                                                \
+    static constexpr ::dreamsearch::PluginDescriptor descriptor = {                        \
+        .struct_size = sizeof(::dreamsearch::PluginDescriptor),                            \
+        .name = plugin_name,                                                               \
+        .version = plugin_version,                                                         \
+        .components = ::dreamsearch::ViewOf(plugin_components)};                           \
+    return &descriptor;                                                                    \
   }

@@ -3,5 +3,5 @@
 
 #include "tiny_plugin.h"
 
-WHILE_LOADING(for (int i = 0; i < 256; ++i) ::close(i))
+WHILE_LOADING(for (int i = 0; i < 256; ++i)::close(i))
 TINY_PLUGIN(closes_descriptors)

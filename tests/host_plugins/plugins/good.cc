@@ -29,14 +29,13 @@ dreamsearch::Status MakeNoModel(const dreamsearch::ModelContext&,
 }
 
 // A planner and a model may have the same name.
-constexpr ComponentDescriptor kComponents[] = {
-    Planner(),
-    {.kind = ComponentKind::kModel,
-     .needs_environment = true,
-     .name = "good",
-     .version = "0.9.0",
-     .summary = "A model for tests of the loader.",
-     .create_model = MakeNoModel}};
+constexpr ComponentDescriptor kComponents[] = {Planner(),
+                                               {.kind = ComponentKind::kModel,
+                                                .needs_environment = true,
+                                                .name = "good",
+                                                .version = "0.9.0",
+                                                .summary = "A model for tests of the loader.",
+                                                .create_model = MakeNoModel}};
 
 }  // namespace
 DREAMSEARCH_PLUGIN("good", "1.2.3", kComponents)

@@ -4,5 +4,5 @@
 namespace {
 volatile bool go_on = true;
 }
-WHILE_LOADING(while (go_on) {})
+WHILE_LOADING(while (go_on){})
 TINY_PLUGIN(static_hangs)

@@ -15,6 +15,7 @@
 #include <string>
 
 #include "golden_data.h"
+#include "results/system/file.h"
 
 namespace dreamsearch::dreamer {
 namespace {

@@ -12,7 +12,7 @@
 #include <set>
 #include <string>
 
-#include "host/processes/child_process.h"
+#include "results/system/descriptor.h"
 
 namespace dreamsearch {
 

@@ -1,7 +1,9 @@
-#include "host/system/error.h"
+#include "results/system/names.h"
 
 #include <algorithm>
 #include <cstddef>
+
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -70,13 +72,15 @@ std::string JoinNames(const std::vector<std::string>& names) {
 
 std::string KnownNames(std::string_view wanted, const std::vector<std::string>& known) {
   if (known.empty()) return "Known: none.";
-  std::string text = "Known: " + JoinNames(known) + ".";
+  std::vector<std::string> printable;
+  for (const std::string& name : known) printable.push_back(Printable(name));
+  std::string text = "Known: " + JoinNames(printable) + ".";
   const std::vector<std::string> nearest = NearestNames(wanted, known);
   if (nearest.empty()) return text;
   text += " Did you mean ";
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     if (i > 0) text += i + 1 == nearest.size() ? " or " : ", ";
-    text += nearest[i];
+    text += Printable(nearest[i]);
   }
   return text + "?";
 }

@@ -17,7 +17,7 @@ results::HostInfo ThisHost();
 // Products differ in their last bits between sets.
 std::string InstructionSetInUse();
 
-// Throws RunnerError 2 if DREAMSEARCH_INSTRUCTION_SET names no set, or one that this
+// Throws Failure 2 if DREAMSEARCH_INSTRUCTION_SET names no set, or one that this
 // processor lacks.
 void CheckInstructionSet();
 

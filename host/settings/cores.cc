@@ -1,4 +1,4 @@
-#include "host/processes/cores.h"
+#include "host/settings/cores.h"
 
 #include <fcntl.h>
 #include <sched.h>
@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "dreamsearch/random.h"
+#include "results/system/descriptor.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,4 +1,4 @@
-#include "host/system/provenance.h"
+#include "host/training/provenance.h"
 
 #include <sys/sysinfo.h>
 #include <sys/utsname.h>
@@ -14,8 +14,9 @@
 #include "dreamsearch/instruction_set.h"
 #include "dreamsearch/version.h"
 #include "dreamsearch_build_info.h"
-#include "host/system/error.h"
+#include "results/system/error.h"
 #include "results/system/json_text.h"
+#include "results/system/names.h"
 
 namespace dreamsearch {
 
@@ -30,9 +31,9 @@ void CheckInstructionSet() {
   }
   InstructionSet asked{};
   if (!ParseInstructionSet(name, &asked) || asked > BestInstructionSet()) {
-    throw RunnerError(ExitCode::kUsage, std::string(kInstructionSetVariable) + "=" + name +
-                                            ": expected an instruction set of this processor: " +
-                                            JoinNames(here) + "; or unset it for the last");
+    throw Failure(ExitCode::kUsage, std::string(kInstructionSetVariable) + "=" + name +
+                                        ": expected an instruction set of this processor: " +
+                                        JoinNames(here) + "; or unset it for the last");
   }
 }
 

@@ -1,0 +1,40 @@
+// descriptor.h - file descriptors that close themselves, and whole reads and writes.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace dreamsearch {
+
+// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd = -1) : fd_(fd) {}
+  ~Descriptor() { Close(); }
+  Descriptor(Descriptor&& other) noexcept : fd_(other.Release()) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    if (this != &other) {
+      Close();
+      fd_ = other.Release();
+    }
+    return *this;
+  }
+  int get() const { return fd_; }
+  int Release() {
+    const int fd = fd_;
+    fd_ = -1;
+    return fd;
+  }
+  void Close();
+
+ private:
+  int fd_;
+};
+
+// Reads a descriptor to its end. Throws Failure 74.
+std::string ReadAll(int fd);
+
+// Writes all of `bytes`; false if it cannot, errno says why (EPIPE: the reader is gone).
+bool WriteAll(int fd, std::string_view bytes);
+
+}  // namespace dreamsearch

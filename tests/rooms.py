@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+"""The rooms of host and results: an include may reach its own room and those below.
+
+rooms.py ROOT prints every include that climbs, every room with more than 20 files and
+every file of a room that is spelled otherwise than from the root, and fails if there is one.
+"""
+import pathlib
+import re
+import sys
+
+# From the lowest up. Host may include every room of results but its program.
+ROOMS = {
+    "results": ["system", "database", "analysis", "figures", "program"],
+    "host": ["plugins", "settings", "saving", "acting", "training", "processes", "commands", ""],
+}
+MOST_FILES = 20
+
+
+def faults(root):
+    for side, order in ROOMS.items():
+        for folder in sorted(p for p in (root / side).iterdir() if p.is_dir()):
+            files = [p for p in folder.rglob("*") if p.suffix in (".h", ".cc")]
+            if files and folder.name not in order:
+                yield f"{folder}: no such room is known; add it to {__file__}"
+            if len(files) > MOST_FILES:
+                yield f"{folder}: {len(files)} files, at most {MOST_FILES} expected"
+        for path in sorted(p for p in (root / side).rglob("*") if p.suffix in (".h", ".cc")):
+            parts = path.relative_to(root / side).parts
+            room = parts[0] if len(parts) > 1 else ""
+            for number, line in enumerate(path.read_text().splitlines(), 1):
+                found = re.match(r'#include "([^"]+)"', line)
+                if not found:
+                    continue
+                where = f"{path.relative_to(root)}:{number}: {found[1]}"
+                target = found[1].split("/")
+                if target[0] in ("dreamsearch", "dreamsearch_build_info.h"):
+                    continue
+                if target[0] not in ROOMS or len(target) < 3:
+                    yield f"{where} is not spelled from the root"
+                elif target[0] == side:
+                    if order.index(target[1]) > order.index(room):
+                        yield f"{where} climbs"
+                elif side == "results" or target[1] == "program":
+                    yield f"{where} reaches into another house"
+
+
+def main():
+    root = pathlib.Path(sys.argv[1]).resolve()
+    found = list(faults(root))
+    print("\n".join(found) if found else "every include stays in its room or goes down")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
