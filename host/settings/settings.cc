@@ -200,10 +200,11 @@ class Resolver {
                                           std::to_string(options.seeds.size()) + " seeds");
     }
     std::vector<RunSpec> runs;
-    for (const std::size_t environment : environments_) {
-      for (const std::size_t planner : planners_) {
-        for (const std::size_t model : models_) {
-          for (const std::uint64_t seed : options.seeds) {
+    // Seeds outermost: what is finished of a matrix is balanced at any moment.
+    for (const std::uint64_t seed : options.seeds) {
+      for (const std::size_t environment : environments_) {
+        for (const std::size_t planner : planners_) {
+          for (const std::size_t model : models_) {
             RunSpec spec;
             spec.study = options.study;
             spec.preset = options.preset;

@@ -92,7 +92,7 @@ struct RunSpec {
 // Its components, each plugin of which decides its results.
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
 
-// The cross product environment x planner x model x seed, in that order, the
+// The cross product seed x environment x planner x model, in that order, the
 // last fastest. Errors: kUsage, or kBadInput when the value is the file's;
 // kNotFound and kPluginRefused from Catalogue::Find. Where `base` is given, its
 // components' values and `run` stand where the preset's would.

@@ -95,7 +95,7 @@ TEST(ResolveMatrix, ANameWinsOverAKindInOneSourceInAnyOrder) {
   }
 }
 
-TEST(ResolveMatrix, RunsTheCrossProductSeedsFastest) {
+TEST(ResolveMatrix, RunsTheCrossProductWithSeedsOutermost) {
   Options options = Base();
   options.environments = {"walker_walk", "cup_catch"};
   options.planners = {"dreamer", "mcts_pw"};
@@ -104,10 +104,10 @@ TEST(ResolveMatrix, RunsTheCrossProductSeedsFastest) {
   const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
   ASSERT_EQ(runs.size(), 16u);
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    EXPECT_EQ(runs[i].environment.name(), i < 8 ? "walker_walk" : "cup_catch");
-    EXPECT_EQ(runs[i].planner.name(), i / 4 % 2 == 0 ? "dreamer" : "mcts_pw");
-    EXPECT_EQ(runs[i].model.name(), i / 2 % 2 == 0 ? "dreamer" : "oracle");
-    EXPECT_EQ(runs[i].seed, i % 2 == 0 ? 4u : 2u);
+    EXPECT_EQ(runs[i].environment.name(), i / 4 % 2 == 0 ? "walker_walk" : "cup_catch");
+    EXPECT_EQ(runs[i].planner.name(), i / 2 % 2 == 0 ? "dreamer" : "mcts_pw");
+    EXPECT_EQ(runs[i].model.name(), i % 2 == 0 ? "dreamer" : "oracle");
+    EXPECT_EQ(runs[i].seed, i < 8 ? 4u : 2u);
     EXPECT_EQ(runs[i].eval_planner.name(), runs[i].planner.name());
   }
 }
