@@ -36,17 +36,18 @@ namespace HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_AVX3
 constexpr int kRegisters = 32;
+constexpr int kColumnsPerTile = 6;
 #else
 constexpr int kRegisters = 16;
+constexpr int kColumnsPerTile = 4;
 #endif
-constexpr int kColumnsPerTile = 6;
 
 // Panels taken together with `columns` columns: enough sums to keep the multipliers
 // busy, and few enough for the registers.
 constexpr int PanelsPerTile(int columns) {
   if (columns == 1) return 8;
   if (kRegisters == 32) return columns == 2 ? 8 : 4;
-  return columns <= 3 ? 4 : columns == 4 ? 3 : 2;
+  return columns <= 3 ? 4 : 3;
 }
 
 // Columns whose inputs stay in the first-level cache while all panels pass by.
@@ -105,30 +106,47 @@ void MultiplyTile(const T* panels, Index depth, const T* start, Index start_stri
   }
 }
 
-// `tiles` times C columns of all panels, P panels at a time.
+// `tiles` times C columns of `groups` times `size` panels.
 template <int C, bool kOuter, typename T, int P = PanelsPerTile(C)>
+void MultiplyGroups(Index size, Index groups, const T* panels, Index depth, const T* start,
+                    Index start_stride, Factor<T> x, Mat<T> y, Index tiles) {
+  if constexpr (P > 1) {
+    if (size < P) {
+      MultiplyGroups<C, kOuter, T, P - 1>(size, groups, panels, depth, start, start_stride, x, y,
+                                          tiles);
+      return;
+    }
+  }
+  const hn::ScalableTag<T> d;
+  const Index lanes = static_cast<Index>(hn::Lanes(d));
+  for (Index group = 0; group < groups; ++group) {
+    const Index row = group * P * lanes;
+    for (Index tile = 0; tile < tiles; ++tile) {
+      const Index first = tile * C;
+      MultiplyTile<P, C, kOuter>(panels + row * depth, depth,
+                                 start == nullptr ? nullptr : start + first * start_stride + row,
+                                 start_stride,
+                                 Factor<T>{x.data + first * x.across, x.along, x.across},
+                                 y.col(first) + row, y.stride, y.rows - row);
+    }
+  }
+}
+
+// `tiles` times C columns of all panels, in groups of nearly equal size.
+template <int C, bool kOuter, typename T>
 void MultiplyPanels(const T* panels, Index count, Index depth, const T* start, Index start_stride,
                     Factor<T> x, Mat<T> y, Index tiles) {
   const hn::ScalableTag<T> d;
   const Index lanes = static_cast<Index>(hn::Lanes(d));
-  Index p = 0;
-  for (; p + P <= count; p += P) {
-    for (Index tile = 0; tile < tiles; ++tile) {
-      const Index first = tile * C;
-      MultiplyTile<P, C, kOuter>(
-          panels + p * depth * lanes, depth,
-          start == nullptr ? nullptr : start + first * start_stride + p * lanes, start_stride,
-          Factor<T>{x.data + first * x.across, x.along, x.across}, y.col(first) + p * lanes,
-          y.stride, y.rows - p * lanes);
-    }
-  }
-  if constexpr (P > 1) {
-    if (p == count) return;
-    MultiplyPanels<C, kOuter, T, P - 1>(panels + p * depth * lanes, count - p, depth,
-                                        start == nullptr ? nullptr : start + p * lanes,
-                                        start_stride, x, y.Rows(p * lanes, y.rows - p * lanes),
-                                        tiles);
-  }
+  const Index groups = (count + PanelsPerTile(C) - 1) / PanelsPerTile(C);
+  const Index narrow = count / groups;  // panels of a narrow group
+  const Index wide_groups = count % groups;
+  MultiplyGroups<C, kOuter>(narrow + 1, wide_groups, panels, depth, start, start_stride, x, y,
+                            tiles);
+  const Index row = wide_groups * (narrow + 1) * lanes;
+  MultiplyGroups<C, kOuter>(narrow, groups - wide_groups, panels + row * depth, depth,
+                            start == nullptr ? nullptr : start + row, start_stride, x,
+                            y.Rows(row, y.rows - row), tiles);
 }
 
 template <int C, bool kOuter, typename T>
