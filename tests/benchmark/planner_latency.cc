@@ -22,13 +22,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "dreamsearch/planning.h"
 #include "planners/loaded_planner.h"
-#include "plugins/networks/elementwise.h"
 #include "yardstick.h"
 
 namespace dreamsearch {
@@ -65,12 +65,12 @@ double MedianSeconds(int repetitions, F f) {
 
 // Bytes a second of reading `bytes` over and over.
 double StreamRate(double bytes) {
-  const std::vector<float> weights(static_cast<std::size_t>(bytes / 4), 0.5f);
-  double sink = 0;
-  const double seconds = MedianSeconds(201, [&] {
-    sink += networks::SumOfSquares(weights.data(), static_cast<networks::Index>(weights.size()));
-  });
-  if (std::isnan(sink)) std::puts("unexpected");
+  // Sums of whole numbers, which any compiler adds a register at a time.
+  const std::vector<std::uint64_t> weights(static_cast<std::size_t>(bytes / 8), 1);
+  std::uint64_t sink = 0;
+  const double seconds =
+      MedianSeconds(201, [&] { sink = std::accumulate(weights.begin(), weights.end(), sink); });
+  if (sink != 201 * weights.size()) std::puts("unexpected");
   return bytes / seconds;
 }
 
@@ -152,9 +152,11 @@ class Subject {
     latents_ = LatentBuffer(2, model_->latent_bytes());
     std::vector<double> observation(observation_size, 0.1), action(action_size);
     Check(model_->InitialLatent(latents_.row(0)));
+    const std::uint64_t seed = 0;
     Check(model_->Observe({.previous = latents_.row(0),
                            .actions = {action.data(), 1, action_size},
-                           .observations = {observation.data(), 1, observation_size}},
+                           .observations = {observation.data(), 1, observation_size},
+                           .seeds = {&seed, 1}},
                           latents_.row(1)));
   }
   Subject(const Subject&) = delete;
