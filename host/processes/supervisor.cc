@@ -216,7 +216,10 @@ class Sweep {
       LeaveAlone(index, "it was deleted");
       return;
     }
-    if (known->status == results::RunStatus::kFinished) {
+    // Its worker may have finished it while its supervisor has yet to say so.
+    const bool gone_on = known->last_segment != planned_after_[index];
+    if (known->status == results::RunStatus::kFinished ||
+        (gone_on && !known->result_digest.empty())) {
       LeaveAlone(index, "another process has finished it");
       return;
     }
@@ -224,7 +227,7 @@ class Sweep {
     const bool failed = known->status == results::RunStatus::kFailed ||
                         known->status == results::RunStatus::kCrashed ||
                         known->status == results::RunStatus::kDiverged;
-    if (failed && (!options_.retry || known->last_segment != planned_after_[index])) {
+    if (failed && (!options_.retry || gone_on)) {
       exit_codes_[index] = FailureCode(*known);
       LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
                             " in another process (" + known->error + ")");
@@ -248,7 +251,9 @@ class Sweep {
                       "cannot create " + log_path.string() + ": " + std::strerror(errno));
       }
       Pipe pipe = MakePipe();
-      const Descriptor input = MemoryFile(EncodeJob(job.work));
+      WorkerJob work = job.work;
+      work.after_segment = known->last_segment;
+      const Descriptor input = MemoryFile(EncodeJob(work));
       run->grant = std::make_unique<ThreadGrant>();
       const Descriptor threads = run->grant->TakeDescriptor();
       ChildSpec child;

@@ -152,6 +152,13 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   if (!run) {
     throw Failure(ExitCode::kNotFound, job.db + ": there is no run " + std::to_string(job.run_id));
   }
+  // Two who start at the same moment wait for the lock one after the other.
+  if (run->last_segment != job.after_segment) {
+    throw Failure(ExitCode::kInputOutput, "another process has gone on with this run: segment " +
+                                              std::to_string(job.after_segment) +
+                                              " was its last one, now it is " +
+                                              std::to_string(run->last_segment));
+  }
   auto [loaded, point] =
       FindResumption(database.get(), *run, job.spec, job.folder, CheckpointPart::kWhole);
   if (loaded) CheckHeader(loaded->sections, job, loaded->path);
@@ -232,6 +239,7 @@ std::string EncodeJob(const WorkerJob& job) {
   json["spec"] = ToJson(job.spec);
   json["db"] = job.db;
   json["run_id"] = job.run_id;
+  json["after_segment"] = job.after_segment;
   json["folder"] = job.folder.string();
   json["agent_checkpoint"] = job.agent_checkpoint.string();
   json["evaluation_threads"] = job.evaluation_threads;
@@ -249,6 +257,7 @@ WorkerJob DecodeJob(const std::string& text) {
     job.spec = RunSpecFromJson(json.at("spec"));
     job.db = json.at("db");
     job.run_id = json.at("run_id");
+    job.after_segment = json.at("after_segment");
     job.folder = json.at("folder").get<std::string>();
     job.agent_checkpoint = json.at("agent_checkpoint").get<std::string>();
     job.evaluation_threads = json.at("evaluation_threads");

@@ -18,6 +18,9 @@ struct WorkerJob {
   RunSpec spec;
   std::string db;  // absolute path
   std::int64_t run_id = 0;
+  // The run's last segment when this job was given; another one since then means that another
+  // process has gone on with the run.
+  std::int64_t after_segment = -1;
   std::filesystem::path folder;  // the run's: checkpoints, log, dumps
   // Of an evaluation of a trained run: that run's checkpoint.
   std::filesystem::path agent_checkpoint;
