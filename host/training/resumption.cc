@@ -2,11 +2,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "dreamsearch/instruction_set.h"
 #include "host/plugins/catalogue.h"
 #include "host/saving/byte_buffer.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
+#include "host/training/provenance.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/text.h"
@@ -53,7 +53,7 @@ std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
   }
-  header["instruction_set"] = InstructionSetName(ChosenInstructionSet());
+  header["instruction_set"] = InstructionSetInUse();
   return results::JsonText(header);
 }
 

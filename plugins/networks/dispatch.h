@@ -4,10 +4,11 @@
 // A file with such kernels includes itself once for each set (Highway's foreach_target)
 // and puts them into HWY_NAMESPACE, together with a function that returns them, say
 //
-//   const ProductKernels<float>& FloatKernels();
+//   template <typename T>
+//   const ProductKernels<T>& KernelsOf();
 //
-// Outside, in the part that is compiled once, DREAMSEARCH_CHOOSE(FloatKernels) calls the
-// one of the chosen set.
+// Outside, in the part that is compiled once, DREAMSEARCH_CHOOSE(KernelsOf<float>) calls
+// the one of the chosen set.
 #pragma once
 
 #include <hwy/highway.h>

@@ -510,9 +510,6 @@ const ElementwiseKernels<T>& KernelsOf() {
 
 }  // namespace
 
-const ElementwiseKernels<float>& FloatElementwise() { return KernelsOf<float>(); }
-const ElementwiseKernels<double>& DoubleElementwise() { return KernelsOf<double>(); }
-
 }  // namespace HWY_NAMESPACE
 }  // namespace dreamsearch::networks
 HWY_AFTER_NAMESPACE();
@@ -523,13 +520,8 @@ namespace {
 
 template <typename T>
 const ElementwiseKernels<T>& Kernels() {
-  if constexpr (std::is_same_v<T, float>) {
-    static const ElementwiseKernels<float>& kernels = DREAMSEARCH_CHOOSE(FloatElementwise);
-    return kernels;
-  } else {
-    static const ElementwiseKernels<double>& kernels = DREAMSEARCH_CHOOSE(DoubleElementwise);
-    return kernels;
-  }
+  static const ElementwiseKernels<T>& kernels = DREAMSEARCH_CHOOSE(KernelsOf<T>);
+  return kernels;
 }
 
 }  // namespace

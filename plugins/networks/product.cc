@@ -245,8 +245,6 @@ const ProductKernels<T>& KernelsOf() {
                                                 &PackTransposed<T>, &Multiply<T>, &AddOuter<T>};
   return kernels;
 }
-const ProductKernels<float>& FloatProducts() { return KernelsOf<float>(); }
-const ProductKernels<double>& DoubleProducts() { return KernelsOf<double>(); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace dreamsearch::networks
@@ -258,13 +256,8 @@ namespace {
 
 template <typename T>
 const ProductKernels<T>& Kernels() {
-  if constexpr (std::is_same_v<T, float>) {
-    static const ProductKernels<float>& kernels = DREAMSEARCH_CHOOSE(FloatProducts);
-    return kernels;
-  } else {
-    static const ProductKernels<double>& kernels = DREAMSEARCH_CHOOSE(DoubleProducts);
-    return kernels;
-  }
+  static const ProductKernels<T>& kernels = DREAMSEARCH_CHOOSE(KernelsOf<T>);
+  return kernels;
 }
 
 }  // namespace
