@@ -1,6 +1,7 @@
 // What a sweep leaves in the database.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "program.h"
@@ -74,15 +75,20 @@ TEST_F(RecordTest, EvaluationsOfARunBeginInTheSameStates) {
 }
 
 TEST_F(RecordTest, TimeUseAddsUpToTheWallTime) {
+  // What is missing is the last commit of the segment, which waits for the disk and, on a
+  // busy machine, for a core: an activity that is never charged is missing from every run,
+  // so the run that waited least decides.
+  double least_missing = 1;
   for (const std::string& row : place_->Query(
            "r.db",
            "select run_id, sum(seconds), (julianday(ended_utc) - julianday(started_utc)) * 86400 "
            "from time_use join segment using (run_id) where env_step = 4000 group by run_id")) {
     double run = 0, used = 0, wall = 0;
     ASSERT_EQ(std::sscanf(row.c_str(), "%lf|%lf|%lf", &run, &used, &wall), 3) << row;
-    // 5 %, and the milliseconds in which the segment's times are stored.
-    EXPECT_NEAR(used, wall, 0.05 * wall + 0.01) << row;
+    EXPECT_LT(used, wall + 0.01) << row;  // the segment's times are stored in milliseconds
+    least_missing = std::min(least_missing, (wall - used - 0.01) / wall);
   }
+  EXPECT_LT(least_missing, 0.05);
 }
 
 TEST_F(RecordTest, ViewsAnswerWithoutOurTools) {
