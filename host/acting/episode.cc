@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "results/database/digest.h"
+#include "results/system/digest.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {

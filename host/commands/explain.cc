@@ -18,10 +18,10 @@
 #include "host/settings/schedule.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
-#include "results/database/table.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/json_text.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "results/database/table.h"
 #include "results/system/file.h"
 #include "results/system/json_text.h"
+#include "results/system/table.h"
 
 namespace dreamsearch {
 namespace {

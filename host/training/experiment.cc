@@ -9,7 +9,7 @@
 #include "host/saving/byte_buffer.h"
 #include "host/settings/schedule.h"
 #include "host/training/resumption.h"
-#include "results/database/digest.h"
+#include "results/system/digest.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/sha256.h"

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "results/analysis/curves.h"
-#include "results/database/digest.h"
+#include "results/system/digest.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/text.h"

@@ -9,7 +9,7 @@
 
 #include "results/analysis/run_groups.h"
 #include "results/analysis/statistics.h"
-#include "results/database/table.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
 

@@ -6,10 +6,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "results/database/table.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/json_text.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {

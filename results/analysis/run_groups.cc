@@ -8,9 +8,9 @@
 #include <sstream>
 #include <tuple>
 
-#include "results/database/table.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {

@@ -20,8 +20,8 @@
 #include <string>
 #include <vector>
 
-#include "results/database/digest.h"
 #include "results/database/sqlite.h"
+#include "results/system/digest.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 
@@ -213,7 +213,7 @@ class Database {
   // A path below the database's folder as it is stored; others stay as they are.
   std::string RelativePath(const std::string& path) const;
 
-  // Provenance: each returns the id of the row that says this, adding it if it is
+  // What runs share: each returns the id of the row that says this, adding it if it is
   // new. A task of a known name but other figures is an Error 65: its curves must
   // not be averaged with the old ones.
   std::int64_t Study(const std::string& name, const std::string& description = "");

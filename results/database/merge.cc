@@ -6,8 +6,8 @@
 #include <map>
 #include <tuple>
 
-#include "results/database/table.h"
 #include "results/system/error.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
 namespace {

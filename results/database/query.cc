@@ -29,6 +29,29 @@ int AllowReading(void*, int action, const char* name, const char*, const char*, 
 
 }  // namespace
 
+std::vector<Cell> ReadCells(const Statement& statement) {
+  std::vector<Cell> row;
+  for (int i = 0; i < statement.columns(); ++i) {
+    if (statement.IsNull(i)) {
+      row.emplace_back();
+    } else if (statement.IsInt(i)) {
+      row.emplace_back(statement.Int(i));
+    } else if (statement.IsReal(i)) {
+      row.emplace_back(statement.Real(i));
+    } else {
+      row.emplace_back(statement.Text(i));
+    }
+  }
+  return row;
+}
+
+Table ReadTable(Statement* statement) {
+  Table table;
+  for (int i = 0; i < statement->columns(); ++i) table.columns.push_back(statement->ColumnName(i));
+  while (statement->Step()) table.rows.push_back(ReadCells(*statement));
+  return table;
+}
+
 Table RunQuery(Database* database, const std::string& sql) {
   sqlite3* handle = database->connection().handle();
   sqlite3_set_authorizer(handle, AllowReading, nullptr);

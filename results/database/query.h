@@ -1,12 +1,18 @@
-// query.h - other people's SQL.
+// query.h - what a statement returns as a table, and other people's SQL.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "results/database/database.h"
-#include "results/database/table.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
+
+// The current row of a statement.
+std::vector<Cell> ReadCells(const Statement& statement);
+// The remaining rows of a statement.
+Table ReadTable(Statement* statement);
 
 // The rows of one query that reads and does nothing else. Error 2 if the text is
 // not one, saying what SQLite says of it.

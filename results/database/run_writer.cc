@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "results/database/derived_rows.h"
+#include "results/database/schema.h"
 #include "results/system/error.h"
 
 namespace dreamsearch::results {
@@ -12,55 +13,7 @@ namespace {
 constexpr std::size_t kRowsPerCommit = 1000;
 constexpr std::chrono::seconds kCommitInterval{1};
 
-constexpr const char* kActivities[] = {"environment", "planning",  "learning",
-                                       "evaluation",  "recording", "other"};
-
-bool IsStart(const ResumePoint& point) {
-  return point.env_step == 0 && point.training_episodes == 0 &&
-         point.search_evaluation_episodes == 0 && point.actor_evaluation_episodes == 0 &&
-         point.events == 0;
-}
-
-// From the start even the rows of env_step 0 go.
-std::int64_t LastKept(const ResumePoint& point) { return IsStart(point) ? -1 : point.env_step; }
-
-void Count(const StepRow& row, RowSums* rows) {
-  ++rows->steps;
-  rows->steps_digest += SeedDigest(row);
-}
-void Count(const EpisodeRow& row, RowSums* rows) {
-  ++rows->episodes;
-  rows->episodes_digest += SeedDigest(row);
-}
-void Uncount(const StepRow& row, RowSums* rows) {
-  --rows->steps;
-  rows->steps_digest -= SeedDigest(row);
-}
-void Uncount(const EpisodeRow& row, RowSums* rows) {
-  --rows->episodes;
-  rows->episodes_digest -= SeedDigest(row);
-}
-
-RowSums SumRows(Connection& db, std::int64_t run_id, const ResumePoint& point) {
-  RowSums rows;
-  Statement steps = db.Prepare(std::string("SELECT ") + kStepColumns +
-                               " FROM step WHERE run_id = ?1 AND env_step <= ?2");
-  steps.Bind(run_id, LastKept(point));
-  while (steps.Step()) Count(ReadStep(steps), &rows);
-  Statement episodes = db.Prepare(std::string("SELECT ") + kEpisodeColumns +
-                                  " FROM episode WHERE run_id = ?1 AND episode <"
-                                  " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END");
-  episodes.Bind(run_id, point.training_episodes, point.search_evaluation_episodes,
-                point.actor_evaluation_episodes);
-  while (episodes.Step()) Count(ReadEpisode(episodes), &rows);
-  return rows;
-}
-
 }  // namespace
-
-RowSums RowSumsAt(Database* database, std::int64_t run_id, const ResumePoint& point) {
-  return SumRows(database->connection(), run_id, point);
-}
 
 RunWriter::RunWriter(Database* database, std::int64_t run_id)
     : database_(database),
@@ -116,9 +69,8 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
 RunWriter::~RunWriter() = default;
 
 void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& point) {
-  const std::int64_t last_kept = LastKept(point);
   // Before the transaction, which others wait for: this process alone writes the run.
-  const RowSums rows = SumRows(connection_, run_id_, point);
+  const RowSums rows = RowSumsAt(database_, run_id_, point);
   if (point.rows && *point.rows != rows) {
     throw Failure(ExitCode::kBadInput,
                   connection_.path() + ": run " + std::to_string(run_id_) +
@@ -129,46 +81,7 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
   std::int64_t rolled_back = 0;
   std::int64_t number = 0;
   connection_.Transact([&] {
-    Statement doomed = connection_.Prepare(
-        "SELECT min(env_step) FROM episode WHERE run_id = ?1 AND episode >="
-        " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END");
-    doomed.Bind(run_id_, point.training_episodes, point.search_evaluation_episodes,
-                point.actor_evaluation_episodes);
-    doomed.Step();
-    const std::int64_t first_touched =
-        std::max<std::int64_t>(0, std::min(last_kept, doomed.OptionalInt(0).value_or(last_kept)));
-    doomed.Reset();
-
-    // The bins go first, so that no trigger maintains what is remade below.
-    connection_.Prepare("DELETE FROM curve_bin WHERE run_id = ?1").Bind(run_id_).Run();
-    connection_
-        .Prepare(
-            "DELETE FROM episode WHERE run_id = ?1 AND episode >="
-            " CASE phase WHEN 0 THEN ?2 WHEN 1 THEN ?3 ELSE ?4 END")
-        .Bind(run_id_, point.training_episodes, point.search_evaluation_episodes,
-              point.actor_evaluation_episodes)
-        .Run();
-    rolled_back += connection_.Changes();
-    for (const char* table : {"step", "scalar", "time_use", "artifact"}) {
-      connection_
-          .Prepare(std::string("DELETE FROM ") + table + " WHERE run_id = ?1 AND env_step > ?2")
-          .Bind(run_id_, last_kept)
-          .Run();
-      rolled_back += connection_.Changes();
-    }
-    // What ended a segment and what began one stays; other events go with their rows.
-    connection_
-        .Prepare(
-            "DELETE FROM event WHERE run_id = ?1 AND seq >= ?2 AND kind NOT IN ('crashed',"
-            " 'damaged_checkpoint', 'diverged', 'failed', 'interrupted', 'killed', 'resume',"
-            " 'unused_checkpoint')")
-        .Bind(run_id_, point.events)
-        .Run();
-    rolled_back += connection_.Changes();
-    UnsealRecord(connection_, run_id_);
-    RemakeCurveBins(connection_, run_id_);
-    RemakeChunks(connection_, run_id_, BinOf(first_touched));
-
+    rolled_back = RollBack(connection_, run_id_, point);
     last_segment_.Bind(run_id_);
     number = last_segment_.Step() ? last_segment_.OptionalInt(0).value_or(-1) + 1 : 0;
     last_segment_.Reset();
@@ -292,8 +205,7 @@ void RunWriter::AddScalar(std::int64_t env_step, std::int64_t metric_id, double 
 }
 
 void RunWriter::AddTimeUse(std::int64_t env_step, const std::string& activity, double seconds) {
-  if (std::find(std::begin(kActivities), std::end(kActivities), activity) ==
-      std::end(kActivities)) {
+  if (std::find(kActivities.begin(), kActivities.end(), activity) == kActivities.end()) {
     throw Failure(ExitCode::kInternal, "no activity '" + activity +
                                            "'. Known: environment, planning, learning, evaluation, "
                                            "recording, other");
@@ -348,7 +260,7 @@ void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
       if (select_step_.Bind(run_id_, row.env_step).Step()) {
         const StepRow old = ReadStep(select_step_);
         chunks[{"step", BinOf(old.env_step)}].Remove(RowDigest(old));
-        Uncount(old, rows);
+        rows->Remove(old);
         select_step_.Reset();
       }
     } else {
@@ -359,7 +271,7 @@ void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
               row.simulations, row.nodes, row.depth)
         .Run();
     chunks[{"step", BinOf(row.env_step)}].Add(RowDigest(row));
-    Count(row, rows);
+    rows->Add(row);
   }
   for (const EpisodeRow& row : episodes_) {
     const int phase = static_cast<int>(row.phase);
@@ -367,7 +279,7 @@ void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
       if (select_episode_.Bind(run_id_, phase, row.episode).Step()) {
         const EpisodeRow old = ReadEpisode(select_episode_);
         chunks[{"episode", BinOf(old.env_step)}].Remove(RowDigest(old));
-        Uncount(old, rows);
+        rows->Remove(old);
         select_episode_.Reset();
       }
     } else {
@@ -379,7 +291,7 @@ void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
               static_cast<std::int64_t>(row.digest))
         .Run();
     chunks[{"episode", BinOf(row.env_step)}].Add(RowDigest(row));
-    Count(row, rows);
+    rows->Add(row);
   }
   for (const ScalarRow& row : scalars_) {
     const std::uint64_t metric = metric_digests_.at(row.metric_id);

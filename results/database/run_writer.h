@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "results/database/database.h"
+#include "results/database/resume_point.h"
 
 namespace dreamsearch::results {
 
@@ -65,31 +66,6 @@ struct SegmentInfo {
   std::string instruction_set;  // in use by this process
   std::string slurm_job;        // empty outside Slurm
 };
-
-// The decisions and episodes of a run in short: how many there are, and the sums of
-// digests over all that the seed decides, times left out. A checkpoint carries those of
-// the rows that were there when it was made, so it can be told whether a database still
-// has them: every one, and no others.
-struct RowSums {
-  std::int64_t steps = 0;
-  std::int64_t episodes = 0;
-  std::uint64_t steps_digest = 0;
-  std::uint64_t episodes_digest = 0;
-  bool operator==(const RowSums&) const = default;
-};
-
-// What a checkpoint has seen. The default is the start of the run: nothing.
-struct ResumePoint {
-  std::int64_t env_step = 0;
-  std::int64_t training_episodes = 0;  // finished ones: their indices are below
-  std::int64_t search_evaluation_episodes = 0;
-  std::int64_t actor_evaluation_episodes = 0;
-  std::int64_t events = 0;      // RunWriter::events() when the checkpoint was made
-  std::optional<RowSums> rows;  // RunWriter::rows() then
-};
-
-// What the database has of the rows that a checkpoint has seen.
-RowSums RowSumsAt(Database* database, std::int64_t run_id, const ResumePoint& point);
 
 class RunWriter {
  public:

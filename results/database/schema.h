@@ -2,6 +2,7 @@
 // public contract: people write SQL against them. README.md explains them.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -13,6 +14,10 @@ inline constexpr std::int64_t kApplicationId = 0x44524d53;  // "DRMS"
 // Width of a bin of curve_bin, in environment steps. Bin k covers
 // ((k - 1) kBinSteps, k kBinSteps].
 inline constexpr std::int64_t kBinSteps = 10000;
+
+// What the wall time of a run is spent on: the values of time_use.activity.
+inline constexpr std::array kActivities = {"environment", "planning",  "learning",
+                                           "evaluation",  "recording", "other"};
 
 // Migrations()[i] brings the tables and triggers of user_version i to those of i + 1;
 // a new file runs all of them. Forward only: a released migration is never edited.

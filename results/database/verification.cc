@@ -7,8 +7,8 @@
 
 #include "results/database/derived_rows.h"
 #include "results/database/schema.h"
-#include "results/database/table.h"
 #include "results/system/sha256.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "results/analysis/curves.h"
-#include "results/database/table.h"
 #include "results/figures/figure.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
 

@@ -15,9 +15,9 @@
 #include <sstream>
 
 #include "results/database/sqlite.h"
-#include "results/database/table.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {

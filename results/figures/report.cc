@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "results/database/query.h"
 #include "results/figures/comparison_figure.h"
 #include "results/figures/curve_figure.h"
 #include "results/figures/page/embedded.h"

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "results/database/database.h"
-#include "results/database/table.h"
 #include "results/system/names.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "results/analysis/published.h"
+#include "results/database/query.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 #include "results/system/error.h"

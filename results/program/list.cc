@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "results/analysis/run_groups.h"
+#include "results/database/query.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 #include "results/system/error.h"

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "results/database/query.h"
 #include "results/program/arguments.h"
 #include "results/program/commands.h"
 #include "results/system/error.h"

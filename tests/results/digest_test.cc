@@ -1,4 +1,4 @@
-#include "results/database/digest.h"
+#include "results/system/digest.h"
 
 #include <gtest/gtest.h>
 

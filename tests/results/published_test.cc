@@ -5,10 +5,10 @@
 #include <fstream>
 
 #include "recording.h"
-#include "results/database/table.h"
 #include "results/figures/curve_figure.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/table.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,21 +1,10 @@
-#include "results/database/table.h"
-
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
+#include "results/system/table.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <filesystem>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <utility>
 
-#include "results/database/sqlite.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/text.h"
@@ -126,29 +115,6 @@ std::string Table::Print(TableForm form) const {
     }
   }
   return out;
-}
-
-std::vector<Cell> ReadCells(const Statement& statement) {
-  std::vector<Cell> row;
-  for (int i = 0; i < statement.columns(); ++i) {
-    if (statement.IsNull(i)) {
-      row.emplace_back();
-    } else if (statement.IsInt(i)) {
-      row.emplace_back(statement.Int(i));
-    } else if (statement.IsReal(i)) {
-      row.emplace_back(statement.Real(i));
-    } else {
-      row.emplace_back(statement.Text(i));
-    }
-  }
-  return row;
-}
-
-Table ReadTable(Statement* statement) {
-  Table table;
-  for (int i = 0; i < statement->columns(); ++i) table.columns.push_back(statement->ColumnName(i));
-  while (statement->Step()) table.rows.push_back(ReadCells(*statement));
-  return table;
 }
 
 std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row) {

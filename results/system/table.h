@@ -8,8 +8,6 @@
 
 namespace dreamsearch::results {
 
-class Statement;
-
 // Nothing, a whole number, a number, or a text. A number that is not finite is
 // nothing.
 using Cell = std::variant<std::monostate, std::int64_t, double, std::string>;
@@ -28,13 +26,8 @@ struct Table {
   std::string Print(TableForm form) const;
 };
 
-// The remaining rows of a statement.
-Table ReadTable(Statement* statement);
-
 // One row as an object of one line, and as a line of CSV.
 std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row);
 std::string CsvLine(const std::vector<Cell>& row);
-// The current row of a statement.
-std::vector<Cell> ReadCells(const Statement& statement);
 
 }  // namespace dreamsearch::results
