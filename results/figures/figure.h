@@ -1,18 +1,39 @@
-// figure.h - pictures of results, drawn by gnuplot.
+// figure.h - pictures of results.
 //
 // A figure is a grid of panels with one legend and notes below them, nothing on
 // top of anything else. Lines are told apart by colour, dash and marker, so a
 // colour-blind reader or a grey print loses nothing (palette: Okabe and Ito 2008).
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace dreamsearch::results {
 
-// How a series looks; equal in every panel. Styles repeat after kStyles.
+enum class Marker {
+  kCircle,
+  kSquare,
+  kTriangle,
+  kDiamond,
+  kOpenSquare,
+  kDownTriangle,
+  kOpenCircle,
+  kOpenTriangle
+};
+const char* MarkerName(Marker marker);  // "circle", "open square", ...
+
+// How a series looks; equal in every panel, and on the report's page.
+struct Style {
+  const char* colour;  // #rrggbb
+  const char* dash;    // lengths of stroke and gap in turn, "14,4"; empty: solid
+  Marker marker;
+};
+// Styles repeat after these.
 inline constexpr int kStyles = 8;
+extern const std::array<Style, kStyles> kStyleTable;
+const Style& StyleOf(int style);
 
 struct Series {
   enum class Mark {
@@ -34,6 +55,8 @@ struct Panel {
   std::string x_label;         // of this panel alone
   // Names of y = 0, 1, 2, ... (or of x for bars), in place of numbers.
   std::vector<std::string> categories;
+
+  bool HasBars() const;
 };
 
 struct LegendEntry {
