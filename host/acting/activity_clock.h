@@ -8,6 +8,8 @@
 #include <chrono>
 #include <cstddef>
 
+#include "results/database/schema.h"
+
 namespace dreamsearch {
 
 enum class Activity : std::size_t {
@@ -18,9 +20,8 @@ enum class Activity : std::size_t {
   kRecording = 4,  // database and checkpoints
   kOther = 5,      // loading, and what belongs to none
 };
-inline constexpr std::size_t kActivities = 6;
-inline constexpr const char* kActivityNames[kActivities] = {"environment", "planning",  "learning",
-                                                            "evaluation",  "recording", "other"};
+// Their names, in this order, are results::kActivities.
+inline constexpr std::size_t kActivities = results::kActivities.size();
 
 class ActivityClock {
  public:

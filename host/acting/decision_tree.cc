@@ -3,18 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <string_view>
-
-#include "results/system/json_text.h"
-
-// The assembler reads the page; its path comes from CMake.
-asm(".section .rodata\n"
-    ".global dreamsearch_explain_page_begin\n.global dreamsearch_explain_page_end\n"
-    "dreamsearch_explain_page_begin:\n.incbin \"" DREAMSEARCH_EXPLAIN_PAGE
-    "\"\n"
-    "dreamsearch_explain_page_end:\n.byte 0\n.previous\n");
-extern "C" __attribute__((visibility("hidden"))) const char dreamsearch_explain_page_begin[];
-extern "C" __attribute__((visibility("hidden"))) const char dreamsearch_explain_page_end[];
 
 namespace dreamsearch {
 
@@ -94,20 +82,6 @@ nlohmann::json TreeJson(const TreeCollector& tree, View<const double> action,
                                {"value", metrics[i]}});
   }
   return json;
-}
-
-std::string TreePage(const nlohmann::json& tree) {
-  std::string page(dreamsearch_explain_page_begin, dreamsearch_explain_page_end);
-  constexpr std::string_view kMark = "@TREE_JSON@";
-  std::string text;
-  for (const char c : results::JsonText(tree)) {
-    if (c == '<') {
-      text += "\\u003c";  // so that nothing in it ends the script element
-    } else {
-      text += c;
-    }
-  }
-  return page.replace(page.find(kMark), kMark.size(), text);
 }
 
 }  // namespace dreamsearch

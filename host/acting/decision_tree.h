@@ -46,9 +46,4 @@ nlohmann::json TreeJson(const TreeCollector& tree, View<const double> action,
                         const Decision& decision, const std::vector<double>& metrics,
                         View<const MetricSpec> metric_specs);
 
-// One page of HTML that holds all it needs. `tree` is TreeJson with what the page
-// says about the decision: run_id, run_uuid, env, planner, model, seed, env_step,
-// phase, episode, decision.
-std::string TreePage(const nlohmann::json& tree);
-
 }  // namespace dreamsearch

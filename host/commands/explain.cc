@@ -10,6 +10,7 @@
 #include "host/acting/episode.h"
 #include "host/commands/commands.h"
 #include "host/commands/options.h"
+#include "host/commands/page/embedded.h"
 #include "host/commands/progress.h"
 #include "host/commands/text_table.h"
 #include "host/processes/question.h"
@@ -23,6 +24,7 @@
 #include "results/system/json_text.h"
 #include "results/system/table.h"
 #include "results/system/text.h"
+#include "results/system/web_page.h"
 
 namespace dreamsearch {
 
@@ -154,6 +156,15 @@ void PrintRoot(const nlohmann::json& tree) {
   }
   if (all > kMost) table.Note("and " + std::to_string(all - kMost) + " more actions");
   table.Print(std::cout);
+}
+
+// One page of HTML that holds all it needs. `tree` is TreeJson with what the page
+// says about the decision: run_id, run_uuid, env, planner, model, seed, env_step,
+// phase, episode, decision.
+std::string TreePage(const nlohmann::json& tree) {
+  return FillTemplate(ExplainTemplate(), {{"style", std::string(ExplainStyle())},
+                                          {"tree", ScriptJson(tree)},
+                                          {"script", std::string(ExplainScript())}});
 }
 
 }  // namespace

@@ -440,7 +440,7 @@ void Experiment::RecordTimeUse() {
   const ActivityScope scope(&clock_, Activity::kRecording);
   const ActivityClock::Seconds& seconds = clock_.Totals();
   for (std::size_t i = 0; i < kActivities; ++i) {
-    writer_->AddTimeUse(Signed(at_.env_step), kActivityNames[i], seconds[i]);
+    writer_->AddTimeUse(Signed(at_.env_step), results::kActivities[i], seconds[i]);
   }
   writer_->Commit();
 }

@@ -22,13 +22,17 @@ std::uint64_t StreamSeed(std::uint64_t seed, const std::string& name) {
   return digest.state();
 }
 
+std::string RunsText(std::size_t fewest, std::size_t most) {
+  return "n = " + std::to_string(fewest) + (fewest == most ? "" : " to " + std::to_string(most));
+}
+
 std::string RunsText(const Contender& contender) {
   std::size_t least = SIZE_MAX, most = 0;
   for (const auto& runs : contender.scores) {
     least = std::min(least, runs.size());
     most = std::max(most, runs.size());
   }
-  return "n = " + std::to_string(least) + (least == most ? "" : " to " + std::to_string(most));
+  return RunsText(least, most);
 }
 
 Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,

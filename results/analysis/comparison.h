@@ -61,6 +61,7 @@ struct NamedAggregate {
 extern const NamedAggregate kAggregates[4];
 
 // "n = 3", or "n = 3 to 5" where tasks have different numbers of runs.
+std::string RunsText(std::size_t fewest, std::size_t most);
 std::string RunsText(const Contender& contender);
 // The seed of a stream of the bootstrap, by its name.
 std::uint64_t StreamSeed(std::uint64_t seed, const std::string& name);

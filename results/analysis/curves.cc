@@ -190,27 +190,65 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
   return lines;
 }
 
-std::vector<LinePoint> Points(const Line& line) {
-  std::map<std::int64_t, LinePoint> by_step;
-  for (const RunCurve& run : line.runs) {
-    for (std::size_t i = 0; i < run.x.size(); ++i) {
-      LinePoint& point = by_step[run.env_step[i]];
-      point.env_step = run.env_step[i];
-      point.lo = point.n == 0 ? run.value[i] : std::min(point.lo, run.value[i]);
-      point.hi = point.n == 0 ? run.value[i] : std::max(point.hi, run.value[i]);
-      point.x += run.x[i];
-      point.mean += run.value[i];
-      ++point.n;
-      point.values.push_back(run.value[i]);
+namespace {
+
+// One point for so many of a run.
+RunCurve Thinned(const RunCurve& run, std::size_t group) {
+  RunCurve thin = run;
+  thin.x.clear();
+  thin.env_step.clear();
+  thin.value.clear();
+  for (std::size_t i = 0; i < run.env_step.size();) {
+    const std::size_t count = i == 0 ? 1 : std::min(group, run.env_step.size() - i);
+    double sum = 0;
+    for (std::size_t k = i; k < i + count; ++k) sum += run.value[k];
+    thin.env_step.push_back(run.env_step[i + count - 1]);
+    thin.x.push_back(run.x[i + count - 1]);
+    thin.value.push_back(sum / static_cast<double>(count));
+    i += count;
+  }
+  return thin;
+}
+
+}  // namespace
+
+std::size_t Thin(std::size_t most_points, std::vector<Line>* lines) {
+  std::size_t most = 1;
+  for (const Line& line : *lines) {
+    if (line.published) continue;
+    for (const RunCurve& run : line.runs) most = std::max(most, run.env_step.size());
+  }
+  const std::size_t group = (most + most_points - 1) / most_points;
+  if (group <= 1) return 1;
+  for (Line& line : *lines) {
+    if (line.published) continue;
+    for (RunCurve& run : line.runs) run = Thinned(run, group);
+  }
+  return group;
+}
+
+std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines) {
+  std::map<std::string, std::set<std::int64_t>> seeds;  // of a task
+  for (const Line& line : lines) {
+    if (line.published) continue;
+    for (const RunCurve& run : line.runs) seeds[line.task].insert(run.seed);
+  }
+  std::vector<std::string> gaps;
+  for (const Line& line : lines) {
+    if (line.published) continue;
+    std::set<std::int64_t> there;
+    for (const RunCurve& run : line.runs) {
+      there.insert(run.seed);
+      if (run.unfinished.empty()) continue;
+      gaps.push_back(line.task + ", " + line.label + ": " + run.unfinished + ".");
+    }
+    for (const std::int64_t seed : seeds[line.task]) {
+      if (there.count(seed) > 0) continue;
+      gaps.push_back(line.task + ", " + line.label + ": seed " + std::to_string(seed) +
+                     " is missing.");
     }
   }
-  std::vector<LinePoint> points;
-  for (auto& [step, point] : by_step) {
-    point.x /= point.n;
-    point.mean /= point.n;
-    points.push_back(std::move(point));
-  }
-  return points;
+  return gaps;
 }
 
 }  // namespace dreamsearch::results

@@ -1,22 +1,28 @@
 #include "results/figures/comparison_figure.h"
 
-#include <algorithm>
-#include <map>
-#include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include "results/analysis/curves.h"
 #include "results/analysis/run_groups.h"
-#include "results/analysis/statistics.h"
+#include "results/figures/line_over_band.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
 
 std::string IntervalNote(const Comparison& comparison) {
-  return "Marker: statistic over " + std::to_string(comparison.tasks.size()) +
-         (comparison.tasks.size() == 1 ? " task" : " tasks") +
+  return "Marker: statistic over " + Counted(comparison.tasks.size(), "task") +
          "; bar: 95 % interval of the stratified bootstrap.";
+}
+
+std::string RunsNote(const Comparison& comparison) {
+  std::string note = "Runs a task:";
+  for (const Contender& contender : comparison.contenders) {
+    note += " " + contender.label + " " + RunsText(contender) + ";";
+  }
+  note.back() = '.';
+  return note;
 }
 
 void AddNotes(const Comparison& comparison, Figure* figure) {
@@ -57,12 +63,8 @@ Figure IntervalFigure(const Comparison& comparison) {
     }
     figure.panels.push_back(std::move(panel));
   }
-  std::string runs = "Runs a task:";
-  for (const Contender& contender : comparison.contenders) {
-    runs += " " + contender.label + " " + RunsText(contender) + ";";
-  }
-  runs.back() = '.';
-  figure.notes = {IntervalNote(comparison) + " A small optimality gap is good.", runs};
+  figure.notes = {IntervalNote(comparison) + " A small optimality gap is good.",
+                  RunsNote(comparison)};
   AddNotes(comparison, &figure);
   return figure;
 }
@@ -76,25 +78,17 @@ Figure ProfileFigure(const Comparison& comparison) {
   Panel panel = {.title = "performance profiles"};
   for (std::size_t i = comparison.contenders.size(); i-- > 0;) {
     const Contender& contender = comparison.contenders[i];
-    Series line = {.mark = Series::Mark::kLine, .style = static_cast<int>(i)};
-    Series band = {.mark = Series::Mark::kBand, .style = static_cast<int>(i)};
+    LineOverBand line(static_cast<int>(i));
     for (std::size_t k = 0; k < comparison.taus.size(); ++k) {
-      line.x.push_back(comparison.taus[k]);
-      line.y.push_back(contender.profile[k].value);
-      if (!contender.profile[k].interval) continue;
-      band.x.push_back(comparison.taus[k]);
-      band.lo.push_back(contender.profile[k].interval->lo);
-      band.hi.push_back(contender.profile[k].interval->hi);
+      line.Add(comparison.taus[k], contender.profile[k].value, contender.profile[k].interval);
     }
-    if (!band.x.empty()) panel.series.insert(panel.series.begin(), band);
-    panel.series.push_back(line);
+    line.AddTo(&panel);
     figure.legend.insert(
         figure.legend.begin(),
         {.text = contender.label + " (" + RunsText(contender) + ")", .style = static_cast<int>(i)});
   }
   figure.panels.push_back(std::move(panel));
-  figure.notes = {"Over " + std::to_string(comparison.tasks.size()) +
-                  (comparison.tasks.size() == 1 ? " task" : " tasks") +
+  figure.notes = {"Over " + Counted(comparison.tasks.size(), "task") +
                   "; n runs a task. Band: 95 % interval of the stratified bootstrap."};
   AddNotes(comparison, &figure);
   return figure;
@@ -128,79 +122,31 @@ Figure ImprovementFigure(const Comparison& comparison) {
                           .x = {0.5, 0.5},
                           .y = {-0.6, static_cast<double>(panel.categories.size()) - 0.4}});
   figure.panels.push_back(std::move(panel));
-  std::string runs = "Runs a task:";
-  for (const Contender& contender : comparison.contenders) {
-    runs += " " + contender.label + " " + RunsText(contender) + ";";
-  }
-  runs.back() = '.';
-  figure.notes = {IntervalNote(comparison) + " 0.5: no difference.", runs};
+  figure.notes = {IntervalNote(comparison) + " 0.5: no difference.", RunsNote(comparison)};
   AddNotes(comparison, &figure);
   return figure;
 }
 
-Figure EfficiencyFigure(const std::vector<std::unique_ptr<Database>>& databases,
-                        const ComparisonRequest& request) {
-  const std::vector<Line> lines =
-      ReadLines(databases, {.filter = request.filter, .phase = request.phase});
-  const std::vector<RunGroup> groups = GroupRuns(databases, request.filter, request.phase);
-  std::set<std::string> tasks;
-  for (const Line& line : lines) tasks.insert(line.task);
+Figure EfficiencyFigure(const Efficiency& efficiency) {
   Figure figure;
   figure.x_label = "environment steps (before action repeat)";
   figure.y_label = "interquartile mean, normalised";
-  Panel panel = {.title = "sample efficiency over " + std::to_string(tasks.size()) +
-                          (tasks.size() == 1 ? " task" : " tasks")};
-  const std::vector<std::string> labels = OrderedLabels(groups);
-  for (std::size_t l = labels.size(); l-- > 0;) {
-    std::map<std::int64_t, std::map<std::string, std::vector<double>>> at;
-    std::map<std::string, std::size_t> expected;
-    std::size_t least = SIZE_MAX, most = 0;
-    bool ranged = true;
-    for (const Line& line : lines) {
-      if (line.label != labels[l]) continue;
-      ranged = ranged && line.return_low && line.return_high;
-      if (!ranged) break;
-      const auto n = static_cast<std::size_t>(line.n());
-      expected[line.task] = n;
-      least = std::min(least, n);
-      most = std::max(most, n);
-      for (const LinePoint& point : Points(line)) {
-        for (const double value : point.values) {
-          at[point.env_step][line.task].push_back((value - *line.return_low) /
-                                                  (*line.return_high - *line.return_low));
-        }
-      }
-    }
-    if (!ranged || expected.size() != tasks.size() || least == 0) {
-      figure.notes.push_back(labels[l] + " is left out: it lacks a task or a range of returns.");
+  Panel panel = {.title = "sample efficiency over " + Counted(efficiency.tasks, "task")};
+  for (std::size_t i = efficiency.curves.size(); i-- > 0;) {
+    const EfficiencyCurve& curve = efficiency.curves[i];
+    if (!curve.left_out.empty()) {
+      figure.notes.push_back(curve.left_out);
       continue;
     }
-    Series line = {.mark = Series::Mark::kLine, .style = static_cast<int>(l)};
-    Series band = {.mark = Series::Mark::kBand, .style = static_cast<int>(l)};
-    for (const auto& [step, by_task] : at) {
-      Scores scores;
-      bool whole = by_task.size() == tasks.size();
-      for (const auto& [task, runs] : by_task) {
-        whole = whole && runs.size() == expected[task];
-        scores.push_back(runs);
-      }
-      if (!whole) continue;
-      const Estimate estimate = InterquartileMeanEstimate(
-          scores, request.profile_repetitions,
-          StreamSeed(request.seed, "efficiency " + labels[l] + std::to_string(step)));
-      line.x.push_back(static_cast<double>(step));
-      line.y.push_back(estimate.value);
-      if (!estimate.interval) continue;
-      band.x.push_back(static_cast<double>(step));
-      band.lo.push_back(estimate.interval->lo);
-      band.hi.push_back(estimate.interval->hi);
+    LineOverBand line(static_cast<int>(i));
+    for (const auto& [env_step, estimate] : curve.points) {
+      line.Add(static_cast<double>(env_step), estimate.value, estimate.interval);
     }
-    if (!band.x.empty()) panel.series.insert(panel.series.begin(), band);
-    panel.series.push_back(line);
-    figure.legend.insert(figure.legend.begin(),
-                         {.text = labels[l] + " (n = " + std::to_string(least) +
-                                  (least == most ? "" : " to " + std::to_string(most)) + ")",
-                          .style = static_cast<int>(l)});
+    line.AddTo(&panel);
+    figure.legend.insert(
+        figure.legend.begin(),
+        {.text = curve.label + " (" + RunsText(curve.fewest_runs, curve.most_runs) + ")",
+         .style = static_cast<int>(i)});
   }
   figure.panels.push_back(std::move(panel));
   figure.notes.insert(figure.notes.begin(),

@@ -117,7 +117,7 @@ int CompareCommand(const Words& words) {
       Draw(kind == "intervals"     ? IntervalFigure(comparison)
            : kind == "profiles"    ? ProfileFigure(comparison)
            : kind == "improvement" ? ImprovementFigure(comparison)
-                                   : EfficiencyFigure(databases, request),
+                                   : EfficiencyFigure(ComputeEfficiency(databases, request)),
            out);
     }
     std::cerr << "wrote " << AbsolutePath(out) << "\n";

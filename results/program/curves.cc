@@ -75,22 +75,24 @@ int CurvesCommand(const Words& words) {
   const std::vector<Line> lines = ReadLines(databases, request);
   if (lines.empty())
     throw Failure(ExitCode::kNotFound, NothingToGroup(databases, selection.filter));
+  const std::vector<TimeUse> time = ReadTimeUse(databases, selection.filter);
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)
-                                   : TimeByPlanner(databases, selection.filter);
+                                   : TimeByPlanner(time);
   figure.title = arguments.Get<std::string>("title");
   for (const std::string& out : outs) {
     if (IsTablePath(out)) {
       PrintTable(kind == "tasks"  ? CurveTable(lines)
                  : kind == "mean" ? OverTasksTable(lines)
-                                  : TimeTable(databases, selection.filter),
+                                  : TimeTable(time),
                  "text", out);
       continue;
     }
     Draw(figure, out);
     std::cerr << "wrote " << AbsolutePath(out) << "\n";
   }
-  for (const std::string& gap : Gaps(lines)) std::cerr << "note: " << Printable(gap) << "\n";
+  for (const std::string& gap : MissingOrUnfinished(lines))
+    std::cerr << "note: " << Printable(gap) << "\n";
   return static_cast<int>(ExitCode::kOk);
 }
 

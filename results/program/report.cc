@@ -1,5 +1,5 @@
 // results report FILE.html - one page with every figure and table.
-#include "results/figures/report.h"
+#include "results/report/report.h"
 
 #include <filesystem>
 #include <iostream>

@@ -8,6 +8,7 @@ network is cut off, so whatever the page needs must be in it. Exits 77 without
 Chromium, which CTest reports as skipped.
 """
 import base64
+import csv
 import json
 import os
 import shutil
@@ -157,8 +158,42 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
 
     browser = Browser(os.path.join(folder, "profile"))
     url = "file://" + page
-    first = "document.querySelector('figure[data-task=\"0\"]')"
+    first = "document.querySelector('figure[data-chart=\"0\"]')"
     chart = f"Chart.getChart({first}.querySelector('canvas'))"
+    data = "JSON.parse(document.getElementById('data').textContent)"
+
+    def table(*arguments):
+        """The rows of `results curves` as text."""
+        path = os.path.join(folder, "curves.csv")
+        subprocess.run([program, "curves", "--db", database, "--out", path, *arguments], check=True,
+                       stderr=subprocess.DEVNULL)
+        with open(path, newline="") as file:
+            return list(csv.DictReader(file))
+
+    def drawn(index):
+        """What a chart shows: by planner its points, each x, y, lo, hi."""
+        return browser.value(
+            f"Object.fromEntries(Chart.getChart(document.querySelector('figure[data-chart=\"{index}\"] canvas'))"
+            f".data.datasets.filter((d) => d.curve).map((d) => [{data}.lines[d.curve.line].label, "
+            "d.data.map((p) => [p.x, p.y, p.lo, p.hi])]))")
+
+    def compare_with_tables(axis):
+        for index, name in enumerate(browser.value(f"{data}.charts.map((c) => c.name)")):
+            over_tasks = browser.value(f"{data}.charts[{index}].over_tasks")
+            browser.value(f"document.querySelector('figure[data-chart=\"{index}\"]').scrollIntoView()")
+            browser.until("Boolean(Chart.getChart(document.querySelector("
+                          f"'figure[data-chart=\"{index}\"] canvas')))")
+            rows = table("--x", axis, *(["--kind", "mean"] if over_tasks else ["--env", name]))
+            shown = drawn(index)
+            check("the planners of the tables are drawn",
+                  set(shown) == {row["line"] for row in rows}, (name, axis, list(shown)))
+            for label, points in shown.items():
+                mine = [row for row in rows if row["line"] == label]
+                seeds_there = max(int(row["n"]) for row in mine)
+                wanted = [[float(row[key]) for key in ("x", "mean", "lo", "hi")] for row in mine
+                          if int(row["n"]) == seeds_there]
+                check("the numbers drawn are those of the table, to the bit", points == wanted,
+                      (name, axis, label, points, wanted))
     try:
         browser.open(url)
         check("the first chart is drawn", browser.until(f"Boolean({chart})"))
@@ -168,8 +203,8 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             "(() => { const ids = [...document.querySelectorAll('[id]')].filter((e) => "
             "!e.closest('svg')).map((e) => e.id); return ids.length === new Set(ids).size; })()"))
         browser.picture("page.png")
-        labels = browser.value("JSON.parse(document.getElementById('data').textContent).labels")
-        seeds = browser.value("JSON.parse(document.getElementById('data').textContent).seeds")
+        labels = browser.value(f"{data}.lines.map((line) => line.label)")
+        seeds = browser.value(f"{data}.seeds")
         counts = browser.value(f"{first}.querySelector('.counts').textContent")
         for label in labels:
             check("the caption names every planner with n", f"{label} n = " in counts, counts)
@@ -181,7 +216,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         # Hover over the middle of a line: the tooltip names it and its range.
         browser.value(f"{first}.scrollIntoView({{block: 'center'}})")
         x, y = browser.value(
-            f"(() => {{ const c = {chart}; const s = c.data.datasets.findIndex((d) => d.label);"
+            f"(() => {{ const c = {chart}; const s = c.data.datasets.findIndex((d) => d.curve);"
             " const p = c.getDatasetMeta(s).data; const m = p[Math.floor(p.length / 2)];"
             " const r = c.canvas.getBoundingClientRect(); return [r.x + m.x, r.y + m.y]; })()")
         browser.move(x, y)
@@ -193,37 +228,42 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         browser.picture("hover.png")
 
         # Untick a planner: its line goes.
-        shown = f"{chart}.data.datasets.filter((d) => d.label).map((d) => d.label)"
+        shown = (f"{chart}.data.datasets.filter((d) => d.curve)"
+                 f".map((d) => {data}.lines[d.curve.line].label)")
         check("all planners are shown at first", set(browser.value(shown)) == set(labels))
-        browser.click("document.querySelector('input[name=label]')")
+        browser.click("document.querySelector('input[name=line]')")
         check("unticking hides a planner", browser.until(
             f"!{shown}.includes({json.dumps(labels[0])})"), browser.value(shown))
-        browser.click("document.querySelector('input[name=label]')")
+        browser.click("document.querySelector('input[name=line]')")
         check("ticking shows it again", browser.until(
             f"{shown}.includes({json.dumps(labels[0])})"))
 
-        # Leave two seeds: no band any more, points instead, and the caption says so.
-        bands = f"{chart}.data.datasets.filter((d) => d.fill === '-1').length"
-        if len(seeds) >= 3:
-            check("three seeds have bands", browser.value(bands) > 0)
-            for i in range(2, len(seeds)):
-                browser.click(f"document.querySelectorAll('input[name=seed]')[{i}]")
-            check("two seeds have none", browser.until(f"{bands} === 0"))
-            check("the caption counts two",
-                  "n = 2" in browser.value(f"{first}.querySelector('.counts').textContent"))
-            for i in range(2, len(seeds)):
-                browser.click(f"document.querySelectorAll('input[name=seed]')[{i}]")
+        # Tick a seed: its runs are drawn beside, and the statistics stay those of all seeds.
+        count = f"{chart}.data.datasets.length"
+        before, curves = browser.value(count), browser.value(shown)
+        browser.click("document.querySelector('input[name=seed]')")
+        check("ticking a seed draws its runs", browser.until(f"{count} === {before + len(curves)}"),
+              browser.value(count))
+        check("the caption still counts every seed",
+              browser.value(f"{first}.querySelector('.counts').textContent") == counts)
+        browser.picture("single.png")
+        browser.click("document.querySelector('input[name=seed]')")
 
+        compare_with_tables("steps")
         for value, name in (("model transitions", "transitions"), ("seconds", "seconds")):
-            browser.click(f"document.querySelector('input[name=x][value=\"{value}\"]')")
+            browser.click(f"document.querySelector('input[name=axis][value=\"{value}\"]')")
             check(f"the x axis is in {name}",
                   browser.until(f"{chart}.options.scales.x.title.text.includes('{name}')"))
+            compare_with_tables(name)
         browser.click("document.querySelector('input[name=scale][value=logarithmic]')")
         check("the x axis is logarithmic",
               browser.until(f"{chart}.options.scales.x.type === 'logarithmic'"))
-        before = browser.value(f"JSON.stringify({chart}.data.datasets.filter((d) => d.label)[0].data.map((p) => p.y))")
+        picked = f"{chart}.data.datasets.filter((d) => d.curve)[0]"
+        before = browser.value(f"{picked}.data.map((p) => p.y)")
         browser.click("document.querySelector('input[name=statistic][value=\"interquartile mean\"]')")
-        after = browser.value(f"JSON.stringify({chart}.data.datasets.filter((d) => d.label)[0].data.map((p) => p.y))")
+        after = browser.value(f"{picked}.data.map((p) => p.y)")
+        check("the interquartile mean is the one of the document",
+              after == browser.value(f"{picked}.curve.iqm"), after)
         if len(seeds) >= 4:
             check("the interquartile mean is another curve", before != after)
 
@@ -239,6 +279,9 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         check("every canvas has a name", browser.value(
             "[...document.querySelectorAll('canvas')].every((c) => c.getAttribute('aria-label'))"))
 
+        browser.open(url, dark=True)
+        browser.until(f"Boolean({chart})")
+        browser.picture("dark.png")
         browser.open(url, width=390, height=800, dark=True)
         check("it is drawn on a phone", browser.until(f"Boolean({chart})"))
         check("it fits a phone",
@@ -254,7 +297,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
                                  selector="noscript svg")["nodeIds"])
         check("without scripting there are pictures", count >= 2, count)
         check("and no empty charts", browser.value(
-            "getComputedStyle(document.querySelector('figure[data-task]')).display") == "none")
+            "getComputedStyle(document.querySelector('#task-charts')).display") == "none")
         browser.picture("without-scripting.png")
         check("no script failed", not browser.errors, browser.errors)
     finally:

@@ -1,0 +1,283 @@
+#include "results/report/report.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "results/analysis/efficiency.h"
+#include "results/analysis/line_statistics.h"
+#include "results/analysis/time_use.h"
+#include "results/database/query.h"
+#include "results/database/schema.h"
+#include "results/figures/comparison_figure.h"
+#include "results/figures/curve_figure.h"
+#include "results/report/html.h"
+#include "results/report/page/embedded.h"
+#include "results/report/report_data.h"
+#include "results/report/report_queries.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+#include "results/system/text.h"
+#include "results/system/web_page.h"
+
+namespace dreamsearch::results {
+namespace {
+
+// Of a run in a chart; more than a screen shows.
+constexpr std::size_t kMostPoints = 40;
+constexpr std::size_t kConfigsShown = 8;
+
+struct RunOfFile {
+  RunInfo info;
+  Database* database = nullptr;
+};
+
+// The trained runs, each once.
+std::vector<RunOfFile> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
+                                   RunFilter filter) {
+  filter.with_evaluations = false;
+  std::vector<RunOfFile> runs;
+  std::set<std::string> uuids;
+  for (const auto& database : databases) {
+    for (RunInfo& run : database->ListRuns(filter)) {
+      if (uuids.insert(run.uuid).second) runs.push_back({std::move(run), database.get()});
+    }
+  }
+  return runs;
+}
+
+std::string Listed(const std::set<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+std::string StudyNames(const std::vector<RunOfFile>& runs) {
+  std::set<std::string> names;
+  for (const RunOfFile& run : runs) names.insert(run.info.study);
+  return Listed(names);
+}
+
+std::string Summary(const std::vector<RunOfFile>& runs, const std::vector<Line>& lines) {
+  std::map<std::string, int> by_status;
+  for (const RunOfFile& run : runs) ++by_status[RunStatusName(run.info.status)];
+  std::string text = Counted(runs.size(), "run");
+  for (const auto& [status, count] : by_status) {
+    text +=
+        (status == by_status.begin()->first ? ": " : ", ") + std::to_string(count) + " " + status;
+  }
+  std::string html = "<p>" + HtmlText(text) + ".</p>\n";
+  const std::vector<std::string> gaps = MissingOrUnfinished(lines);
+  if (gaps.empty()) {
+    return html + Note(
+                      "Nothing is missing: every planner has every seed of every task, and every "
+                      "run finished.");
+  }
+  html += "<details open><summary>" + Counted(gaps.size(), "run") +
+          (gaps.size() == 1 ? " is" : " are") + " missing or did not finish</summary><ul>\n";
+  for (const std::string& gap : gaps) html += "<li>" + HtmlText(gap) + "</li>\n";
+  return html + "</ul></details>\n";
+}
+
+// How the points of the curves came about.
+std::string CurveNotes(std::size_t group, bool binned, std::size_t databases) {
+  std::string note;
+  if (group > 1) {
+    note += "Each point but the first is the mean of " + std::to_string(group) + " neighbouring " +
+            (binned ? "bins of 10,000 steps" : "evaluations") + "; the query gives every one. ";
+  }
+  if (databases > 1) {
+    note += "A query is of one database: merge them (`results merge`) to ask it of all runs.";
+  }
+  return HtmlText(note);
+}
+
+// Empty for fewer than two tasks.
+std::string OverTasks(const std::vector<Line>& lines, const CurveRequest& request,
+                      const ReportQueries& queries) {
+  if (TasksOf(lines).size() < 2) return "";
+  std::string html =
+      "<h2 id=\"tasks\">Mean over tasks</h2>\n" +
+      Note(
+          "Returns are normalised by each task's range. Shown where every seed has every task. "
+          "The interquartile mean is that over all seeds and tasks.");
+  for (const TaskMean& mean : MeansOverTasks(lines)) {
+    if (!mean.left_out.empty()) html += Note(mean.left_out);
+  }
+  return html + "<div class=\"interactive\" id=\"over-tasks-chart\"></div>\n" +
+         PictureWithoutScript(CurvesOverTasks(lines, request), "Mean over tasks") +
+         Query(queries.OverTasks());
+}
+
+// A row a planner, a column an activity.
+Table TimeByActivity(const std::vector<TimeUse>& uses) {
+  Table table = {{"planner", "runs"}, {}};
+  for (const char* activity : kActivities) table.columns.emplace_back(activity);
+  for (const TimeUse& use : uses) {
+    auto& row = table.rows.emplace_back();
+    row = {use.label, use.runs};
+    for (const char* activity : kActivities) row.emplace_back(use.SecondsFor1000Steps(activity));
+  }
+  return table;
+}
+
+std::string Comparisons(const std::vector<std::unique_ptr<Database>>& databases,
+                        const ReportRequest& report, const ReportQueries& queries) {
+  const ComparisonRequest request = {.filter = report.filter, .seed = report.bootstrap_seed};
+  Comparison comparison;
+  try {
+    comparison = Compare(databases, request);
+  } catch (const Failure& error) {
+    if (error.code() != ExitCode::kNotFound) throw;
+    return Note(std::string("Nothing to compare. ") + error.what());
+  }
+  std::string html = Note(
+      "A score is the mean return of the evaluations in the last tenth of the budget, as a share "
+      "of the task's range. Intervals: 95 %, stratified bootstrap, " +
+      GroupDigits(request.repetitions) + " repetitions, seed " + std::to_string(request.seed) +
+      " (Agarwal et al. 2021). Fewer than 3 runs on a task give none.");
+  for (const std::string& note : comparison.notes) html += Note(note);
+  html += HtmlTable(AggregateTable(comparison), "Over " + Counted(comparison.tasks.size(), "task"));
+  html += Picture(IntervalFigure(comparison),
+                  "Aggregate statistics with intervals; the table has the numbers");
+  if (comparison.contenders.size() > 1) {
+    html += HtmlTable(ImprovementTable(comparison),
+                      "Probability that a run of X scores higher than one of Y");
+    html += Picture(ImprovementFigure(comparison),
+                    "Probability of improvement; the table has the numbers");
+  }
+  html += Picture(ProfileFigure(comparison), "Performance profiles");
+  html += Folded("Scores by task", HtmlTable(ScoreTable(comparison), "Normalised scores"));
+  return html + Query(queries.Scores(comparison.tasks));
+}
+
+std::string Runs(const std::vector<RunOfFile>& runs, const ReportQueries& queries) {
+  Table table = {{"run", "study", "task", "planner", "model", "seed", "status", "env steps",
+                  "budget", "digest"},
+                 {}};
+  for (const RunOfFile& item : runs) {
+    const RunInfo& run = item.info;
+    table.rows.push_back({run.uuid.substr(0, 8), run.study, run.task, run.planner, run.model,
+                          run.seed, std::string(RunStatusName(run.status)), run.env_steps_done,
+                          run.env_steps_target, run.result_digest.substr(0, 12)});
+  }
+  return Folded("All " + Counted(runs.size(), "run"), HtmlTable(table, "Runs by their UUID")) +
+         Query(queries.Runs());
+}
+
+std::string Configurations(const std::vector<RunOfFile>& runs) {
+  std::map<std::string, std::pair<std::string, std::set<std::string>>> configs;
+  for (const RunOfFile& run : runs) {
+    auto& [json, users] = configs[run.info.config_sha256];
+    json = run.info.config_json;
+    users.insert(run.info.planner);
+  }
+  std::string html;
+  std::size_t shown = 0;
+  for (const auto& [sha, entry] : configs) {
+    if (++shown > kConfigsShown) break;
+    const nlohmann::json parsed = ParseJsonOrDiscard(entry.first);
+    html +=
+        Folded("Settings " + sha.substr(0, 12) + " (" + Listed(entry.second) + ")",
+               Preformatted(parsed.is_discarded() ? entry.first : JsonTextReplacing(parsed, 2)));
+  }
+  if (configs.size() > kConfigsShown) {
+    html += Note("and " + std::to_string(configs.size() - kConfigsShown) +
+                 " more settings; `SELECT * FROM config` lists all.");
+  }
+  return html;
+}
+
+std::string Provenance(const std::vector<RunOfFile>& runs) {
+  std::map<std::pair<Database*, std::int64_t>, std::int64_t> builds, plugins;
+  std::map<std::vector<Cell>, std::int64_t> segments;  // by machine
+  for (const auto& [run, database] : runs) {
+    ++builds[{database, run.build_id}];
+    for (const auto& id : {run.env_plugin, run.model_plugin, run.planner_plugin}) {
+      if (id) ++plugins[{database, *id}];
+    }
+    Statement hosts = database->connection().Prepare(
+        "SELECT hostname, cpu, cores, memory_bytes / 1000000, os FROM segment JOIN host"
+        " USING (host_id) WHERE run_id = ?1");
+    hosts.Bind(run.run_id);
+    for (const auto& row : ReadTable(&hosts).rows) ++segments[row];
+  }
+  Table programs = {{"version", "commit", "compiler", "instruction set", "libraries", "runs"}, {}};
+  for (const auto& [key, count] : builds) {
+    const BuildInfo build = key.first->GetBuild(key.second);
+    programs.rows.push_back({build.version, build.commit + (build.dirty ? " with changes" : ""),
+                             build.compiler, build.instruction_set, build.libraries, count});
+  }
+  Table modules = {{"name", "version", "SDK", "SHA-256", "runs"}, {}};
+  for (const auto& [key, count] : plugins) {
+    const PluginInfo plugin = key.first->GetPlugin(key.second);
+    modules.rows.push_back(
+        {plugin.name, plugin.version, plugin.abi, plugin.sha256.substr(0, 12), count});
+  }
+  Table machines = {{"host", "processor", "cores", "memory, MB", "system", "segments"}, {}};
+  for (const auto& [machine, count] : segments) {
+    machines.rows.push_back(machine);
+    machines.rows.back().emplace_back(count);
+  }
+  return HtmlTable(programs, "Programs") + HtmlTable(modules, "Plugins") +
+         HtmlTable(machines, "Machines");
+}
+
+}  // namespace
+
+std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
+                       const ReportRequest& request) {
+  if (ChartLibrary().empty()) {
+    throw Failure(ExitCode::kInternal,
+                  "this build has no plotting library for the report. Install the package "
+                  "libjs-chart.js and build again.");
+  }
+  CurveRequest curves = {.filter = request.filter, .published = request.published};
+  std::vector<AxisLines> axes = {{CurveAxis::kSteps, "steps", "steps", {}},
+                                 {CurveAxis::kTransitions, "transitions", "model transitions", {}},
+                                 {CurveAxis::kSeconds, "seconds", "seconds", {}}};
+  std::size_t group = 1;
+  for (AxisLines& axis : axes) {
+    curves.axis = axis.axis;
+    axis.lines = ReadLines(databases, curves);
+    group = Thin(kMostPoints, &axis.lines);
+  }
+  curves.axis = CurveAxis::kSteps;
+  const std::vector<Line>& lines = axes.front().lines;
+  if (lines.empty()) {
+    throw Failure(ExitCode::kNotFound, NothingToGroup(databases, request.filter));
+  }
+  const bool binned =
+      std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; });
+  const std::vector<RunOfFile> runs = TrainedRuns(databases, request.filter);
+  const std::vector<TimeUse> time = ReadTimeUse(databases, request.filter);
+  const ReportQueries queries(request.filter, lines);
+  return FillTemplate(
+      ReportTemplate(),
+      {
+          {"title",
+           HtmlText(request.title.empty() ? "Results: " + StudyNames(runs) : request.title)},
+          {"style", std::string(ReportStyle())},
+          {"summary", Summary(runs, lines)},
+          {"curve_notes", CurveNotes(group, binned, databases.size())},
+          {"curve_picture",
+           PictureWithoutScript(CurvesByTask(lines, curves, CurveInterval::kMinMax),
+                                "Learning curves by task")},
+          {"curve_query", Query(queries.Curves())},
+          {"over_tasks", OverTasks(lines, curves, queries)},
+          {"time_picture",
+           PictureWithoutScript(TimeByPlanner(time), "Seconds by planner and activity")},
+          {"time_table", HtmlTable(TimeByActivity(time), "Seconds for 1,000 environment steps")},
+          {"time_query", Query(queries.Time())},
+          {"comparison", Comparisons(databases, request, queries)},
+          {"runs", Runs(runs, queries)},
+          {"settings", Configurations(runs) + Provenance(runs)},
+          {"data", ScriptJson(ReportData(axes, time))},
+          {"chart_library", std::string(ChartLibrary())},
+          {"script", std::string(ReportScript())},
+      });
+}
+
+}  // namespace dreamsearch::results

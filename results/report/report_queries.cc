@@ -1,0 +1,157 @@
+#include "results/report/report_queries.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "results/analysis/line_statistics.h"
+
+namespace dreamsearch::results {
+namespace {
+
+// A text in SQL.
+std::string SqlText(const std::string& text) {
+  std::string sql = "'";
+  for (const char c : text) {
+    if (c == '\'') sql += c;
+    sql += c;
+  }
+  return sql + "'";
+}
+
+std::string Joined(const std::vector<std::string>& items) {
+  std::string list;
+  for (const std::string& item : items) list += (list.empty() ? "" : ", ") + item;
+  return list;
+}
+
+// " AND COLUMN IN (a, b)"; nothing for an empty list.
+std::string SqlIn(const std::string& column, const std::vector<std::string>& values) {
+  return values.empty() ? "" : "\n    AND " + column + " IN (" + Joined(values) + ")";
+}
+
+std::vector<std::string> SqlTexts(const std::vector<std::string>& texts) {
+  std::vector<std::string> sql;
+  for (const std::string& text : texts) sql.push_back(SqlText(text));
+  return sql;
+}
+
+// A run's line: its planner, or, where one planner has several, by the run.
+std::string LineOfRun(const std::vector<Line>& lines) {
+  std::map<std::string, std::vector<std::string>> uuids;  // by label
+  std::set<std::string> planners;
+  for (const Line& line : lines) {
+    if (line.published) continue;
+    planners.insert(line.planner);
+    for (const RunCurve& run : line.runs) {
+      uuids[line.label].push_back(SqlText(run.uuid.substr(0, 8)));
+    }
+  }
+  if (uuids.size() == planners.size()) return "run.planner";
+  std::string sql = "CASE";
+  for (const auto& [label, list] : uuids) {
+    sql += "\n      WHEN substr(run.uuid, 1, 8) IN (" + Joined(list) + ")\n      THEN " +
+           SqlText(label);
+  }
+  return sql + " END";
+}
+
+}  // namespace
+
+ReportQueries::ReportQueries(const RunFilter& filter, const std::vector<Line>& lines)
+    : filter_(filter),
+      line_of_run_(LineOfRun(lines)),
+      tasks_(TasksOf(lines).size()),
+      binned_(
+          std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; })) {}
+
+std::string ReportQueries::Chosen(const std::string& study, const std::string& task,
+                                  const std::string& planner, const std::string& seed) const {
+  std::vector<std::string> seeds;
+  for (const std::int64_t s : filter_.seeds) seeds.push_back(std::to_string(s));
+  return SqlIn(study, SqlTexts(filter_.studies)) + SqlIn(task, SqlTexts(filter_.tasks)) +
+         SqlIn(planner, SqlTexts(filter_.planners)) + SqlIn(seed, seeds);
+}
+
+std::string ReportQueries::WithRuns() const {
+  return "WITH r AS (\n"
+         "  SELECT run.run_id, task.name AS task, task.return_low, task.return_high, run.seed,\n"
+         "    run.env_steps_target, " +
+         line_of_run_ +
+         " AS line,\n"
+         "    CASE WHEN EXISTS (SELECT 1 FROM episode e WHERE e.run_id = run.run_id AND e.phase = "
+         "1)\n"
+         "      THEN 1 ELSE 2 END AS phase\n"
+         "  FROM run JOIN study USING (study_id) JOIN task USING (task_id)\n"
+         "  WHERE run.parent_run_id IS NULL AND run.env_steps_target > 0" +
+         Chosen("study.name", "task.name", "run.planner", "run.seed") + ")";
+}
+
+std::string ReportQueries::WithPoints() const {
+  return WithRuns() + ", p AS (\n" +
+         (binned_
+              ? "  SELECT r.*, b.env_step_bin * 10000 AS env_step, b.sum_return / b.n AS mean\n"
+                "  FROM r JOIN curve_bin b ON b.run_id = r.run_id AND b.phase = r.phase AND b.n > "
+                "0)"
+              : "  SELECT r.*, e.env_step, avg(e.episode_return) AS mean\n"
+                "  FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
+                "  GROUP BY r.run_id, e.env_step HAVING count(e.episode_return) > 0)");
+}
+
+std::string ReportQueries::Curves() const {
+  return WithPoints() +
+         ", n AS (\n"
+         "  SELECT task, line, count(DISTINCT run_id) AS runs FROM p GROUP BY task, line)\n"
+         "SELECT task, line, env_step, avg(mean) AS mean, min(mean) AS lo, max(mean) AS hi,\n"
+         "  count(*) AS seeds\n"
+         "FROM p JOIN n USING (task, line)\n"
+         "GROUP BY task, line, env_step HAVING count(*) = runs\n"
+         "ORDER BY task, line, env_step";
+}
+
+std::string ReportQueries::OverTasks() const {
+  return WithPoints() +
+         ", s AS (\n"
+         "  SELECT line, seed, env_step,\n"
+         "    avg((mean - return_low) / (return_high - return_low)) AS score\n"
+         "  FROM p GROUP BY line, seed, env_step HAVING count(*) = " +
+         std::to_string(tasks_) +
+         "),\nn AS (\n"
+         "  SELECT line, count(DISTINCT seed) AS seeds FROM p GROUP BY line)\n"
+         "SELECT line, env_step, avg(score) AS mean, min(score) AS lo, max(score) AS hi, seeds\n"
+         "FROM s JOIN n USING (line)\n"
+         "GROUP BY line, env_step HAVING count(*) = seeds\n"
+         "ORDER BY line, env_step";
+}
+
+std::string ReportQueries::Time() const {
+  return WithRuns() +
+         ", u AS (\n"
+         "  SELECT r.line, r.run_id, t.activity, t.seconds, t.env_step\n"
+         "  FROM r JOIN time_use t ON t.run_id = r.run_id AND t.env_step =\n"
+         "    (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)),\n"
+         "n AS (\n"
+         "  SELECT line, sum(env_step) AS env_steps\n"
+         "  FROM (SELECT DISTINCT line, run_id, env_step FROM u) GROUP BY line)\n"
+         "SELECT line, activity, 1000 * sum(seconds) / env_steps AS seconds_for_1000_env_steps\n"
+         "FROM u JOIN n USING (line) WHERE env_steps > 0 GROUP BY line, activity";
+}
+
+std::string ReportQueries::Scores(const std::vector<std::string>& tasks) const {
+  return WithRuns() +
+         "\nSELECT task, line, seed, avg(episode_return) AS score,\n"
+         "  (avg(episode_return) - return_low) / (return_high - return_low) AS normalised\n"
+         "FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
+         "  AND e.env_step <= env_steps_target AND 10 * e.env_step > 9 * env_steps_target\n"
+         "WHERE true" +
+         SqlIn("task", SqlTexts(tasks)) +
+         "\nGROUP BY r.run_id HAVING count(episode_return) > 0\n"
+         "ORDER BY task, line, seed";
+}
+
+std::string ReportQueries::Runs() const {
+  return "SELECT * FROM v_run\nWHERE parent_run_id IS NULL AND env_steps_target > 0" +
+         Chosen("study", "task", "planner", "seed");
+}
+
+}  // namespace dreamsearch::results
