@@ -45,7 +45,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
   for (const RunGroup& group : groups) {
     all_tasks.insert(group.task);
     if (!(group.return_low && group.return_high)) {
-      comparison.notes.push_back(group.task + " has no range of returns, so no normalised score; " +
+      comparison.notes.push_back(group.task +
+                                 " has no range of returns and so no normalised score; " +
                                  group.label + " is left out there.");
       continue;
     }
@@ -60,8 +61,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
         comparison.notes.push_back(
             group.task + ", " + group.label + ": " +
             (unfinished.empty() ? "seed " + std::to_string(run.seed) : unfinished) +
-            "; without an evaluation in the last tenth before step " + GroupDigits(at) +
-            " it has no score.");
+            "; it has no score, because there is no evaluation in the last tenth before step " +
+            GroupDigits(at) + ".");
         continue;
       }
       scores[group.label][group.task].push_back((score.Real(0) - *group.return_low) /
@@ -92,9 +93,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
   if (comparison.tasks.empty()) {
     std::string why;
     for (const std::string& note : comparison.notes) why += "\n  " + note;
-    throw Failure(ExitCode::kNotFound,
-                  (databases.empty() ? "" : databases.front()->path()) +
-                      ": there is no task on which every planner has a score." + why);
+    throw Failure(ExitCode::kNotFound, (databases.empty() ? "" : databases.front()->path()) +
+                                           ": no task has a score of every planner." + why);
   }
 
   for (int i = 0; i <= 100; ++i) comparison.taus.push_back(i / 100.0);
@@ -114,8 +114,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
       if (contender.scores[t].size() < 3) few += (few.empty() ? "" : ", ") + comparison.tasks[t];
     }
     if (!few.empty()) {
-      comparison.notes.push_back(label + ": no interval, for it has fewer than 3 runs on " + few +
-                                 ".");
+      comparison.notes.push_back(label + ": no interval, because it has fewer than 3 runs on " +
+                                 few + ".");
     } else if (distinct < 1000) {
       comparison.notes.push_back(label + ": there are only " +
                                  GroupDigits(static_cast<std::int64_t>(distinct)) +

@@ -41,7 +41,7 @@ struct Comparison {
   std::vector<std::string> notes;
 };
 
-// Error 66 when there is nothing to compare, saying what is missing.
+// Failure 66 when there is nothing to compare, saying what is missing.
 Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
                    const ComparisonRequest& request);
 

@@ -13,7 +13,7 @@
 namespace dreamsearch::results {
 
 enum class CurveAxis { kSteps, kSeconds, kTransitions };
-CurveAxis ParseCurveAxis(const std::string& name);  // Error 2 for an unknown name
+CurveAxis ParseCurveAxis(const std::string& name);  // Failure 2 for an unknown name
 
 struct CurveRequest {
   RunFilter filter;

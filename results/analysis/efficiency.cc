@@ -32,7 +32,8 @@ EfficiencyCurve CurveOfLabel(const std::vector<Line>& lines, const std::string& 
     }
   }
   if (!ranged || expected.size() != tasks || curve.fewest_runs == 0) {
-    curve.left_out = label + " is left out: it lacks a task or a range of returns.";
+    curve.left_out =
+        label + " is left out: it does not have every task, or a task has no range of returns.";
     return curve;
   }
   for (const auto& [env_step, by_task] : at) {

@@ -36,7 +36,7 @@ struct ImportSettings {
   std::int64_t steps_per_unit = 1;  // environment steps in one unit of the file's steps
 };
 
-// Error 65 with file and line (or place) for anything that is not as expected.
+// Failure 65 with file and line (or place) for anything that is not as expected.
 std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::string& bytes,
                                            const ImportSettings& settings);
 // Adds the points; one that is there already is replaced. Returns how many.

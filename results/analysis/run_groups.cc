@@ -156,8 +156,8 @@ std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databas
     evaluations += static_cast<std::int64_t>(database->ListRuns(filter).size());
   }
   const std::string path = databases.front()->path();
-  if (evaluations == 0) return path + ": holds no runs of that kind. See `results list`.";
-  return path + ": holds no trained runs of that kind, of which there are curves and scores, but " +
+  if (evaluations == 0) return path + ": no run matches. `results list` shows all.";
+  return path + ": only trained runs have curves and scores, and none matches. Found " +
          GroupDigits(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
          ". `results list` and `results show RUN` show their returns, `results export --rows "
          "episodes` gives them.";
@@ -183,21 +183,29 @@ std::string Unfinished(const RunInfo& run) {
          GroupDigits(run.env_steps_done) + " of " + GroupDigits(run.env_steps_target) + " steps";
 }
 
+std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
+                                    const RunFilter& filter) {
+  RunFilter trained = filter;
+  trained.with_evaluations = false;
+  std::vector<GroupedRun> runs;
+  std::set<std::string> uuids;
+  for (const auto& database : databases) {
+    for (RunInfo& run : database->ListRuns(trained)) {
+      if (uuids.insert(run.uuid).second) runs.push_back({std::move(run), database.get()});
+    }
+  }
+  return runs;
+}
+
 std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                 const RunFilter& filter, CurvePhase phase) {
-  std::vector<GroupedRun> all;
-  std::set<std::string> uuids, studies, models;
+  std::vector<GroupedRun> all = TrainedRuns(databases, filter);
+  std::set<std::string> studies, models;
   std::map<std::pair<std::string, std::string>, std::set<std::int64_t>> repeats;  // of a task
-  RunFilter mains = filter;
-  mains.with_evaluations = false;
-  for (const auto& database : databases) {
-    for (RunInfo& run : database->ListRuns(mains)) {
-      if (!uuids.insert(run.uuid).second) continue;
-      studies.insert(run.study);
-      models.insert(run.model);
-      repeats[{run.planner, run.task}].insert(run.action_repeat);
-      all.push_back({std::move(run), database.get()});
-    }
+  for (const GroupedRun& item : all) {
+    studies.insert(item.run.study);
+    models.insert(item.run.model);
+    repeats[{item.run.planner, item.run.task}].insert(item.run.action_repeat);
   }
   std::set<std::string> repeats_differ;  // planners
   for (const auto& [planner_task, seen] : repeats) {

@@ -12,13 +12,18 @@ namespace dreamsearch::results {
 // Which episodes a curve or score is of. kEvaluation is the evaluation with the
 // planner where a run has one, else that with the actor alone.
 enum class CurvePhase { kEvaluation, kTraining, kSearchEvaluation, kActorEvaluation };
-CurvePhase ParseCurvePhase(const std::string& name);  // Error 2 for an unknown name
+CurvePhase ParseCurvePhase(const std::string& name);  // Failure 2 for an unknown name
 
 struct GroupedRun {
   RunInfo run;
   Database* database = nullptr;
   int phase = 0;  // as in `episode`: what the request comes to for this run
 };
+
+// The runs that trained; evaluations of trained runs are left out. A run that is in several
+// databases counts once, by its UUID. `phase` is not set.
+std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
+                                    const RunFilter& filter);
 
 // Runs of one task that have everything in common but the seed.
 struct RunGroup {
@@ -32,9 +37,7 @@ struct RunGroup {
   std::vector<GroupedRun> runs;  // by seed
 };
 
-// Groups by task, then in the order of the paper's planners. Evaluations of
-// trained runs are left out; a run that is in several databases counts once, by
-// its UUID.
+// Groups TrainedRuns by task, then in the order of the paper's planners.
 std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                 const RunFilter& filter, CurvePhase phase);
 

@@ -104,6 +104,14 @@ void Resample(const Flat& flat, Generator* generator, const Use& use, const EndT
   }
 }
 
+// How often a repetition draws each of the sorted scores.
+void DrawCounts(const Flat& flat, Generator* generator, std::vector<std::uint32_t>* counts) {
+  std::fill(counts->begin(), counts->end(), 0u);
+  Resample(
+      flat, generator, [&](std::uint32_t index) { ++(*counts)[flat.rank[index]]; },
+      [](std::size_t) {});
+}
+
 }  // namespace
 
 double Quantile(std::vector<double>* values, double q) {
@@ -220,10 +228,7 @@ Estimate InterquartileMeanEstimate(const Scores& scores, int repetitions, std::u
   values.reserve(static_cast<std::size_t>(repetitions));
   Generator generator(seed);
   for (int repetition = 0; repetition < repetitions; ++repetition) {
-    std::fill(counts.begin(), counts.end(), 0u);
-    Resample(
-        flat, &generator, [&](std::uint32_t index) { ++counts[flat.rank[index]]; },
-        [](std::size_t) {});
+    DrawCounts(flat, &generator, &counts);
     values.push_back(InterquartileMeanOf(flat.sorted, counts));
   }
   estimate.interval = PercentileInterval(&values);
@@ -281,10 +286,7 @@ std::vector<Estimate> Profile(const Scores& scores, const std::vector<double>& t
   std::vector<std::uint32_t> at_or_above(flat.value.size() + 1);
   Generator generator(seed);
   for (int repetition = 0; repetition < repetitions; ++repetition) {
-    std::fill(counts.begin(), counts.end(), 0u);
-    Resample(
-        flat, &generator, [&](std::uint32_t index) { ++counts[flat.rank[index]]; },
-        [](std::size_t) {});
+    DrawCounts(flat, &generator, &counts);
     for (std::size_t r = counts.size(); r-- > 0;) at_or_above[r] = at_or_above[r + 1] + counts[r];
     for (std::size_t k = 0; k < taus.size(); ++k) {
       shares[k].push_back(at_or_above[first_above[k]] / static_cast<double>(flat.value.size()));

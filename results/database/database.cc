@@ -119,14 +119,14 @@ void Database::CheckWritable(const std::string& path) {
   }
   if (!std::filesystem::is_directory(folder, error)) {
     throw Failure(ExitCode::kCannotCreate, folder.string() +
-                                               ": is no folder, so the database's folder "
+                                               ": is not a folder, so the database's folder "
                                                "cannot be created. Name another file with "
                                                "--db.");
   }
   if (access(folder.c_str(), W_OK | X_OK) != 0) {
     throw Failure(ExitCode::kPermission, folder.string() +
-                                             ": may not be written by this user, so the "
-                                             "database cannot be. Name another file with "
+                                             ": this user may not write here, so the "
+                                             "database cannot be created. Name another file with "
                                              "--db.");
   }
 }
@@ -163,7 +163,7 @@ Database::Database(const std::string& path, OpenMode mode) {
   if (mode != OpenMode::kReadOnly && !folder_writable) {
     throw Failure(ExitCode::kPermission,
                   std::filesystem::path(absolute).parent_path().string() +
-                      ": may not be written by this user; the database needs its journal there.");
+                      ": may not be written by this user; the database's journal must be there.");
   }
   // A reader in WAL mode needs files of its own beside the database, and only one
   // that may write takes them away again at its end. query_only keeps it from
@@ -245,7 +245,7 @@ void Database::Prepare(OpenMode mode) {
       ThrowSqlite(db.handle(), path(), "setting its journal mode");
     }
     if (code == SQLITE_OK && db.QueryText("PRAGMA journal_mode") != journal) {
-      warnings_.push_back(path() + ": cannot use journal mode " + journal + " here; goes on with " +
+      warnings_.push_back(path() + ": cannot use journal mode " + journal + " here; uses instead " +
                           db.QueryText("PRAGMA journal_mode"));
       break;
     }

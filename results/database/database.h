@@ -6,8 +6,8 @@
 //          be created; 74 disk full, input/output error, locked for 30 s, deleted
 //          while open, or of an older schema with a run still active; 77 permission.
 //          A failed call has stored nothing.
-// Schema   whoever opens an older file brings it up to date, but never while a run
-//          of it is active: its program would not know the file any more.
+// Schema   opening an older file brings it up to date, but not while a run of it is
+//          active: the program of that run would not know the new schema.
 // Writers  any number of processes may hold one file open; each change is one
 //          short BEGIN IMMEDIATE transaction that waits its turn.
 // Threads  one thread uses a Database; it is not carried over fork().
@@ -38,7 +38,7 @@ enum class RunStatus {
   kKilled,
 };
 const char* RunStatusName(RunStatus status);
-// Throws Error 65 for an unknown name.
+// Throws Failure 65 for an unknown name.
 RunStatus ParseRunStatus(const std::string& name);
 
 struct TaskInfo {
@@ -165,7 +165,7 @@ inline bool IsActive(const RunInfo& run) {
   return run.status == RunStatus::kRunning && run.heartbeat_age_seconds < kAliveSeconds;
 }
 
-// An episode as far as figures about it need it; times in microseconds a decision.
+// An episode as far as progress and status need it; times in microseconds a decision.
 struct EpisodeInfo {
   int phase = 0;  // as the column
   std::int64_t episode = 0;
@@ -190,16 +190,16 @@ class Database {
   // Opens the file, or makes it and its folders. On a network file system, where WAL does not work,
   // it uses a rollback journal and says so in warnings().
   static std::unique_ptr<Database> OpenOrCreate(const std::string& path);
-  // Opens an existing file for changes; Error 66 when there is none.
+  // Opens an existing file for changes; Failure 66 when there is none.
   static std::unique_ptr<Database> OpenExisting(const std::string& path);
-  // Opens an existing file and changes nothing in it but an older schema. Error 77 for
+  // Opens an existing file and changes nothing in it but an older schema. Failure 77 for
   // an older schema in a file that may not be written.
   static std::unique_ptr<Database> OpenReadOnly(const std::string& path);
 
   // Throws what OpenOrCreate would for a place where nothing can be written; creates nothing.
   static void CheckWritable(const std::string& path);
 
-  // Absolute, links resolved: who opens the file through a link finds the same folders.
+  // Absolute, links resolved: a file opened through a link has the same folders.
   const std::string& path() const { return connection_->path(); }
   const std::vector<std::string>& warnings() const { return warnings_; }
   Connection& connection() { return *connection_; }
@@ -214,7 +214,7 @@ class Database {
   std::string RelativePath(const std::string& path) const;
 
   // What runs share: each returns the id of the row that says this, adding it if it is
-  // new. A task of a known name but other figures is an Error 65: its curves must
+  // new. A task of a known name but other values is a Failure 65: its curves must
   // not be averaged with the old ones.
   std::int64_t Study(const std::string& name, const std::string& description = "");
   std::int64_t Task(const TaskInfo& task);
@@ -232,7 +232,7 @@ class Database {
   // Ends or re-opens a run. A status other than queued and running sets ended_utc
   // and closes the open segment with the status as its reason. With `worker`, returns
   // false and changes nothing if another process has begun a segment since that worker
-  // or has deleted the run; otherwise a run that is not there is an Error 66.
+  // or has deleted the run; otherwise a run that is not there is a Failure 66.
   bool SetRunStatus(std::int64_t run_id, RunStatus status,
                     std::optional<int> exit_code = std::nullopt, const std::string& error = "",
                     const std::optional<WorkerInfo>& worker = std::nullopt);
@@ -246,15 +246,15 @@ class Database {
 
   std::vector<RunInfo> ListRuns(const RunFilter& filter = {});
   std::optional<RunInfo> GetRun(std::int64_t run_id);
-  // By run_id, or by the beginning of a UUID (4 characters or more). Error 66 for
-  // none, naming what there is; Error 2 for more than one.
+  // By run_id, or by the beginning of a UUID (4 characters or more). Failure 66 for
+  // none, naming what there is; Failure 2 for more than one.
   RunInfo GetRun(const std::string& id_or_uuid);
 
   // A run's episodes in the order of phase and episode.
   std::vector<EpisodeInfo> ListEpisodes(std::int64_t run_id);
 
-  // The path of the file of that kind with the largest env_step, absolute; of which the
-  // run has said that it was made. Empty if it has named none.
+  // The absolute path of the recorded file of that kind with the largest env_step; empty
+  // if the run has recorded none.
   std::string LastArtifact(std::int64_t run_id, const std::string& kind);
 
   // What the supervisor has to say about a run it does not write itself.

@@ -25,7 +25,7 @@ struct MergeResult {
 // order of merging. A run that goes on meanwhile is copied as it is at one moment. Of
 // two published points of one key the lesser stays, with all that is said of it. Files stay where
 // they are; their paths become absolute.
-//   Error 65  a task has other figures in the two databases.
+//   Failure 65  a task has other values in the two databases.
 MergeResult Merge(Database* target, const std::string& source);
 
 }  // namespace dreamsearch::results

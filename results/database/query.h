@@ -14,7 +14,7 @@ std::vector<Cell> ReadCells(const Statement& statement);
 // The remaining rows of a statement.
 Table ReadTable(Statement* statement);
 
-// The rows of one query that reads and does nothing else. Error 2 if the text is
+// The rows of one query that reads and does nothing else. Failure 2 if the text is
 // not one, saying what SQLite says of it.
 Table RunQuery(Database* database, const std::string& sql);
 

@@ -247,7 +247,7 @@ void RunWriter::CheckOwnership() {
                       (last < 0 ? " was deleted"
                                 : " was taken over by another "
                                   "process") +
-                      " while this process worked on it. Let one of them go on.");
+                      " while this process worked on it. Only one process may work on a run.");
   }
 }
 

@@ -70,7 +70,7 @@ struct SegmentInfo {
 class RunWriter {
  public:
   // The run must exist. Many runs may be written by as many processes; one run has
-  // one writer: once a later one has begun a segment, Commit throws Error 74.
+  // one writer: once a later one has begun a segment, Commit throws Failure 74.
   RunWriter(Database* database, std::int64_t run_id);
   ~RunWriter();  // drops what was not committed
   RunWriter(const RunWriter&) = delete;
@@ -78,7 +78,7 @@ class RunWriter {
 
   // Opens a segment, sets the run to running and, in the same transaction, deletes
   // what was recorded past `point` and rebuilds bins and digests. Comes first. Events
-  // that say how a segment began or ended stay. Error 65, and nothing has changed, if
+  // that say how a segment began or ended stay. Failure 65, and nothing has changed, if
   // the rows that would be left are not point.rows.
   void BeginSegment(const SegmentInfo& segment, const ResumePoint& point = {});
 

@@ -290,8 +290,9 @@ RunInfo Database::GetRun(const std::string& id_or_uuid) {
   }
   if (matches.size() == 1) return matches.front();
   if (matches.size() > 1) {
-    throw Failure(ExitCode::kUsage, path() + ": run '" + id_or_uuid + "' is ambiguous: " +
-                                        matches[0].uuid + " and " + matches[1].uuid + " begin so.");
+    throw Failure(ExitCode::kUsage, path() + ": run '" + id_or_uuid +
+                                        "' is ambiguous: " + matches[0].uuid + " and " +
+                                        matches[1].uuid + " begin with it.");
   }
   const std::int64_t count = connection_->QueryInt("SELECT count(*) FROM run").value_or(0);
   const std::int64_t last = connection_->QueryInt("SELECT max(run_id) FROM run").value_or(0);

@@ -74,7 +74,7 @@ std::int64_t Database::Task(const TaskInfo& task) {
     find.Reset();
     throw Failure(ExitCode::kBadInput,
                   path() + ": task '" + task.name +
-                      "' was recorded with other figures (observation size, action size, control "
+                      "' was recorded with other values (observation size, action size, control "
                       "seconds, sub-steps, episode steps, return range: " +
                       known + "). Runs of both must not be averaged: use another --db.");
   };

@@ -1,6 +1,6 @@
 // sqlite.h - a connection to an SQLite file and its prepared statements.
 //
-// Values are bound, never pasted into SQL. Every failure is an Error with the
+// Values are bound, never pasted into SQL. Every failure is a Failure with the
 // absolute path of the file and an exit code. A connection is used by one thread
 // and is not carried over fork().
 #pragma once
@@ -112,7 +112,7 @@ class Connection {
   // Runs `body` between BEGIN IMMEDIATE and COMMIT, so that it waits for other
   // writers at its start and never in its middle. If anything throws, nothing of
   // it is stored. A transaction within a transaction is part of the outer one.
-  // Error 74 if the file or its write-ahead log was deleted since it was opened:
+  // Failure 74 if the file or its write-ahead log was deleted since it was opened:
   // what is written there would be lost.
   void Transact(const std::function<void()>& body);
 
@@ -126,7 +126,7 @@ class Connection {
 // A URI under which any connection opens the file for reading only.
 std::string ReadOnlyUri(const std::string& path);
 
-// Throws the Error for what the connection last reported. `what` says what was
+// Throws the Failure for what the connection last reported. `what` says what was
 // being done.
 [[noreturn]] void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what);
 

@@ -76,7 +76,7 @@ struct Figure {
   std::optional<double> x_low, x_high, y_low, y_high;
 };
 
-// Draws into a file; its suffix, .svg, .png or .pdf, decides the format. Error 2
+// Draws into a file; its suffix, .svg, .png or .pdf, decides the format. Failure 2
 // for another suffix, 66 if gnuplot is not installed, 73, 74 or 77 if the file
 // cannot be written.
 void Draw(const Figure& figure, const std::string& path);

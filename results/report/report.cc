@@ -29,40 +29,21 @@ namespace {
 constexpr std::size_t kMostPoints = 40;
 constexpr std::size_t kConfigsShown = 8;
 
-struct RunOfFile {
-  RunInfo info;
-  Database* database = nullptr;
-};
-
-// The trained runs, each once.
-std::vector<RunOfFile> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
-                                   RunFilter filter) {
-  filter.with_evaluations = false;
-  std::vector<RunOfFile> runs;
-  std::set<std::string> uuids;
-  for (const auto& database : databases) {
-    for (RunInfo& run : database->ListRuns(filter)) {
-      if (uuids.insert(run.uuid).second) runs.push_back({std::move(run), database.get()});
-    }
-  }
-  return runs;
-}
-
 std::string Listed(const std::set<std::string>& names) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
   return text;
 }
 
-std::string StudyNames(const std::vector<RunOfFile>& runs) {
+std::string StudyNames(const std::vector<GroupedRun>& runs) {
   std::set<std::string> names;
-  for (const RunOfFile& run : runs) names.insert(run.info.study);
+  for (const GroupedRun& item : runs) names.insert(item.run.study);
   return Listed(names);
 }
 
-std::string Summary(const std::vector<RunOfFile>& runs, const std::vector<Line>& lines) {
+std::string Summary(const std::vector<GroupedRun>& runs, const std::vector<Line>& lines) {
   std::map<std::string, int> by_status;
-  for (const RunOfFile& run : runs) ++by_status[RunStatusName(run.info.status)];
+  for (const GroupedRun& item : runs) ++by_status[RunStatusName(item.run.status)];
   std::string text = Counted(runs.size(), "run");
   for (const auto& [status, count] : by_status) {
     text +=
@@ -153,12 +134,12 @@ std::string Comparisons(const std::vector<std::unique_ptr<Database>>& databases,
   return html + Query(queries.Scores(comparison.tasks));
 }
 
-std::string Runs(const std::vector<RunOfFile>& runs, const ReportQueries& queries) {
+std::string Runs(const std::vector<GroupedRun>& runs, const ReportQueries& queries) {
   Table table = {{"run", "study", "task", "planner", "model", "seed", "status", "env steps",
                   "budget", "digest"},
                  {}};
-  for (const RunOfFile& item : runs) {
-    const RunInfo& run = item.info;
+  for (const GroupedRun& item : runs) {
+    const RunInfo& run = item.run;
     table.rows.push_back({run.uuid.substr(0, 8), run.study, run.task, run.planner, run.model,
                           run.seed, std::string(RunStatusName(run.status)), run.env_steps_done,
                           run.env_steps_target, run.result_digest.substr(0, 12)});
@@ -167,12 +148,12 @@ std::string Runs(const std::vector<RunOfFile>& runs, const ReportQueries& querie
          Query(queries.Runs());
 }
 
-std::string Configurations(const std::vector<RunOfFile>& runs) {
+std::string Configurations(const std::vector<GroupedRun>& runs) {
   std::map<std::string, std::pair<std::string, std::set<std::string>>> configs;
-  for (const RunOfFile& run : runs) {
-    auto& [json, users] = configs[run.info.config_sha256];
-    json = run.info.config_json;
-    users.insert(run.info.planner);
+  for (const GroupedRun& item : runs) {
+    auto& [json, users] = configs[item.run.config_sha256];
+    json = item.run.config_json;
+    users.insert(item.run.planner);
   }
   std::string html;
   std::size_t shown = 0;
@@ -190,10 +171,10 @@ std::string Configurations(const std::vector<RunOfFile>& runs) {
   return html;
 }
 
-std::string Provenance(const std::vector<RunOfFile>& runs) {
+std::string Provenance(const std::vector<GroupedRun>& runs) {
   std::map<std::pair<Database*, std::int64_t>, std::int64_t> builds, plugins;
   std::map<std::vector<Cell>, std::int64_t> segments;  // by machine
-  for (const auto& [run, database] : runs) {
+  for (const auto& [run, database, phase] : runs) {
     ++builds[{database, run.build_id}];
     for (const auto& id : {run.env_plugin, run.model_plugin, run.planner_plugin}) {
       if (id) ++plugins[{database, *id}];
@@ -251,7 +232,7 @@ std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
   }
   const bool binned =
       std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; });
-  const std::vector<RunOfFile> runs = TrainedRuns(databases, request.filter);
+  const std::vector<GroupedRun> runs = TrainedRuns(databases, request.filter);
   const std::vector<TimeUse> time = ReadTimeUse(databases, request.filter);
   const ReportQueries queries(request.filter, lines);
   return FillTemplate(

@@ -13,7 +13,7 @@ namespace dreamsearch::results {
 using Cell = std::variant<std::monostate, std::int64_t, double, std::string>;
 
 enum class TableForm { kText, kMarkdown, kCsv, kJson };
-// Throws Error 2 for an unknown name. Known: text, markdown, csv, json.
+// Throws Failure 2 for an unknown name. Known: text, markdown, csv, json.
 TableForm ParseTableForm(const std::string& name);
 
 struct Table {

@@ -20,7 +20,7 @@ std::string ScriptJson(const nlohmann::ordered_json& json);
 std::string ScriptJson(const nlohmann::json& json);
 
 // The template with each mark {{name}} replaced by the value of that name; marks in values
-// stay. Error 70 for a mark without a value, and for a value without a mark: the template
+// stay. Failure 70 for a mark without a value, and for a value without a mark: the template
 // and the code that fills it do not belong together.
 std::string FillTemplate(std::string_view page, const std::map<std::string, std::string>& values);
 

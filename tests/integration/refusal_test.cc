@@ -86,7 +86,7 @@ TEST(DryRun, SaysThatNothingCanBeWrittenThere) {
   const ProgramResult result =
       place.Runner(TinyRun("cartpole_balance", "dreamer", "file/sub/d.db", {"--dry-run"}));
   EXPECT_EQ(result.exit_status, 73) << result.err;
-  EXPECT_NE(result.err.find(place.Path("file") + ": is no folder"), std::string::npos)
+  EXPECT_NE(result.err.find(place.Path("file") + ": is not a folder"), std::string::npos)
       << result.err;
   const ProgramResult nothing = place.Runner(TinyRun("cartpole_balance", "dreamer", ""));
   EXPECT_EQ(nothing.exit_status, 2) << nothing.err;

@@ -90,10 +90,10 @@ TEST_F(CurvesTest, ASettingThatOneRunLacksNamesTheOther) {
 }
 
 TEST_F(CurvesTest, EvaluationsAloneAreSaidToBeThere) {
-  EXPECT_NE(NothingToGroup(databases_, {}).find("no runs of that kind"), std::string::npos);
+  EXPECT_NE(NothingToGroup(databases_, {}).find("no run matches"), std::string::npos);
   AddRun({.env_steps_target = 0}, {{kSearch, 0, 1}});
   EXPECT_TRUE(GroupRuns(databases_, {}, CurvePhase::kEvaluation).empty());
-  EXPECT_NE(NothingToGroup(databases_, {}).find("but 1 evaluation."), std::string::npos);
+  EXPECT_NE(NothingToGroup(databases_, {}).find("Found 1 evaluation."), std::string::npos);
 }
 
 TEST_F(CurvesTest, SecondsLeaveEvaluationOutAndAreInterpolated) {
