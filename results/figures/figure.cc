@@ -63,8 +63,7 @@ void Draw(const Figure& figure, const std::string& path) {
   const std::optional<PictureFormat> format = FormatOf(path);
   if (!format) {
     throw Failure(ExitCode::kUsage,
-                  AbsolutePath(path) +
-                      ": expected a file name that ends in .svg, .png or .pdf for a picture");
+                  AbsolutePath(path) + ": expected a picture's suffix: .svg, .png or .pdf");
   }
   WriteFile(path, Picture(figure, *format));
 }
