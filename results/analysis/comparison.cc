@@ -111,7 +111,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
     const double distinct = DistinctResamples(contender.scores);
     std::string few;
     for (std::size_t t = 0; t < comparison.tasks.size(); ++t) {
-      if (contender.scores[t].size() < 3) few += (few.empty() ? "" : ", ") + comparison.tasks[t];
+      if (contender.scores[t].size() < kIntervalRuns)
+        few += (few.empty() ? "" : ", ") + comparison.tasks[t];
     }
     if (!few.empty()) {
       comparison.notes.push_back(label + ": no interval, because it has fewer than 3 runs on " +

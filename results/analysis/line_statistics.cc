@@ -157,7 +157,7 @@ CurveInterval ParseCurveInterval(const std::string& name) {
 }
 
 std::optional<Interval> IntervalOf(const LinePoint& point, CurveInterval interval) {
-  if (point.n < kIntervalSeeds || interval == CurveInterval::kNone) return std::nullopt;
+  if (point.n < kIntervalRuns || interval == CurveInterval::kNone) return std::nullopt;
   if (interval == CurveInterval::kT95) return StudentInterval(point);
   return Interval{point.lo, point.hi};
 }

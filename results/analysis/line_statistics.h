@@ -16,9 +16,6 @@
 
 namespace dreamsearch::results {
 
-// An interval over seeds needs so many of them.
-inline constexpr int kIntervalSeeds = 3;
-
 // A point of a line: at one env_step, over the runs that have a point there.
 struct LinePoint {
   double x = 0;  // mean over runs, on the axis the lines were read for
@@ -39,7 +36,7 @@ struct LineCurve {
 };
 LineCurve CurveOf(const Line& line);
 
-// What is drawn round the mean of kIntervalSeeds runs or more. Fewer get points instead.
+// What is drawn round the mean of kIntervalRuns runs or more. Fewer get points instead.
 enum class CurveInterval { kMinMax, kT95, kNone };
 CurveInterval ParseCurveInterval(const std::string& name);  // Failure 2 for an unknown name
 // nullopt for fewer runs, and for kNone.

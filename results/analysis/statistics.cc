@@ -8,8 +8,6 @@
 namespace dreamsearch::results {
 namespace {
 
-constexpr std::size_t kLeastRuns = 3;
-
 // SplitMix64 (Steele, Lea, Flood 2014).
 class Generator {
  public:
@@ -29,8 +27,9 @@ class Generator {
 };
 
 bool HasInterval(const Scores& scores) {
-  return !scores.empty() && std::all_of(scores.begin(), scores.end(),
-                                        [](const auto& runs) { return runs.size() >= kLeastRuns; });
+  return !scores.empty() && std::all_of(scores.begin(), scores.end(), [](const auto& runs) {
+    return runs.size() >= kIntervalRuns;
+  });
 }
 
 Interval PercentileInterval(std::vector<double>* values) {

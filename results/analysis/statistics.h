@@ -6,7 +6,7 @@
 // Intervals are 95 % percentile intervals of a stratified bootstrap: every
 // repetition draws, for each task independently, as many runs as there are, with
 // replacement. They are a function of the scores and the seed alone, to the bit.
-// With fewer than 3 runs on any task there is no interval.
+// With fewer than kIntervalRuns runs on any task there is no interval.
 #pragma once
 
 #include <cstdint>
@@ -36,6 +36,8 @@ double PerformanceProfile(const Scores& scores, double tau);
 // Reorders the values.
 double Quantile(std::vector<double>* values, double q);
 
+// Fewer runs of a task give no interval.
+inline constexpr int kIntervalRuns = 3;
 struct Interval {
   double lo = 0, hi = 0;
 };

@@ -161,10 +161,10 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
   }
 
   std::string note = most_shown >= 2 ? "Line: mean over n seeds." : "Line: one seed.";
-  if (most_shown >= 3 && interval == CurveInterval::kMinMax) {
+  if (most_shown >= kIntervalRuns && interval == CurveInterval::kMinMax) {
     note += " Band: minimum to maximum over seeds.";
   }
-  if (most_shown >= 3 && interval == CurveInterval::kT95) {
+  if (most_shown >= kIntervalRuns && interval == CurveInterval::kT95) {
     note += " Band: 95 % confidence interval of the mean (Student's t).";
   }
   if (two) note += " Small markers: each of two seeds; fewer than 3 give no interval.";

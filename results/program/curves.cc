@@ -75,7 +75,8 @@ int CurvesCommand(const Words& words) {
   const std::vector<Line> lines = ReadLines(databases, request);
   if (lines.empty())
     throw Failure(ExitCode::kNotFound, NothingToGroup(databases, selection.filter));
-  const std::vector<TimeUse> time = ReadTimeUse(databases, selection.filter);
+  const std::vector<TimeUse> time =
+      kind == "time" ? ReadTimeUse(databases, selection.filter) : std::vector<TimeUse>();
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)
                                    : TimeByPlanner(time);

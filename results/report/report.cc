@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "results/analysis/efficiency.h"
 #include "results/analysis/line_statistics.h"
 #include "results/analysis/time_use.h"
 #include "results/database/query.h"

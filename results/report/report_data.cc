@@ -73,7 +73,7 @@ ordered_json CurveJson(const Curve& curve, std::size_t line) {
   ordered_json json;
   json["line"] = line;
   json["n"] = curve.numbers.n;
-  json["interval"] = curve.numbers.n >= kIntervalSeeds;
+  json["interval"] = curve.numbers.n >= kIntervalRuns;
   json["env_step"] = numbers(&LinePoint::env_step);
   json["x"] = ordered_json::object();
   json["mean"] = numbers(&LinePoint::mean);
