@@ -47,6 +47,8 @@ std::string TypeName(ParameterType type) {
       return "real";
     case ParameterType::kChoice:
       return "choice";
+    case ParameterType::kText:
+      return "text";
   }
   return "unknown";
 }
@@ -57,6 +59,8 @@ std::string Range(const ParameterInfo& parameter) {
       return "true, false";
     case ParameterType::kChoice:
       return JoinNames(parameter.choices);
+    case ParameterType::kText:
+      return "";
     default:
       return Value(parameter, parameter.min, "") + " .. " + Value(parameter, parameter.max, "");
   }

@@ -280,6 +280,7 @@ class Checker {
     std::vector<std::string> choices;
     switch (parameter.type) {
       case ParameterType::kBool:
+      case ParameterType::kText:
         break;
       case ParameterType::kInt:
       case ParameterType::kReal:
@@ -298,7 +299,7 @@ class Checker {
         break;
       }
       default:
-        Refuse(what + ": expected type 0 (bool), 1 (int), 2 (real) or 3 (choice), found " +
+        Refuse(what + ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice) or 4 (text), found " +
                std::to_string(static_cast<std::uint32_t>(parameter.type)));
     }
     CheckValue(what + ": its default", parameter, choices, parameter.default_number,
@@ -335,6 +336,10 @@ class Checker {
   void CheckValue(const std::string& what, const ParameterSpec& parameter,
                   const std::vector<std::string>& choices, double number,
                   const char* choice) const {
+    if (parameter.type == ParameterType::kText) {
+      CheckText(what, choice, false);
+      return;
+    }
     if (parameter.type == ParameterType::kChoice) {
       CheckText(what, choice, true);
       for (const std::string& known : choices) {

@@ -40,6 +40,8 @@ std::string DefaultText(const ParameterInfo& parameter) {
       return parameter.default_number != 0 ? "true" : "false";
     case ParameterType::kChoice:
       return parameter.default_choice;
+    case ParameterType::kText:
+      return "'" + parameter.default_choice + "'";
     default:
       return NumberText(parameter.type, parameter.default_number);
   }
@@ -61,6 +63,9 @@ std::string Expectation(const ParameterInfo& parameter) {
     case ParameterType::kChoice:
       text += "one of " + JoinNames(parameter.choices);
       break;
+    case ParameterType::kText:
+      text += "a text of one line";
+      break;
   }
   if (!parameter.unit.empty()) text += " (" + parameter.unit + ")";
   return text + ", default " + DefaultText(parameter);
@@ -73,6 +78,12 @@ std::optional<double> ParseNumber(const std::string& text) {
     return std::nullopt;
   }
   return number + 0.0;  // -0 becomes 0, so that equal values have equal digests
+}
+
+bool IsControl(char c) { return (c >= 0 && c < ' ') || c == 127; }
+
+bool IsOneLine(const std::string& text) {
+  return std::none_of(text.begin(), text.end(), IsControl);
 }
 
 // Sets number or choice of *value. Returns false if the text is not a value of
@@ -100,6 +111,9 @@ bool ParseValue(const ParameterInfo& parameter, const std::string& text, Resolve
       value->choice = text;
       return std::find(parameter.choices.begin(), parameter.choices.end(), text) !=
              parameter.choices.end();
+    case ParameterType::kText:
+      value->choice = text;
+      return IsOneLine(text);
   }
   return false;
 }
@@ -354,8 +368,9 @@ class Resolver {
     ResolvedValue value = target->values.values[i];
     if (!ParseValue(parameter, setting.value, &value)) {
       constexpr std::size_t kMost = 60;
-      const std::string found =
+      std::string found =
           setting.value.size() > kMost ? setting.value.substr(0, kMost) + "..." : setting.value;
+      std::replace_if(found.begin(), found.end(), IsControl, '?');
       std::string message = Expectation(parameter) + ", found '" + found + "'";
       const auto near = parameter.type == ParameterType::kChoice
                             ? NearestNames(setting.value, parameter.choices)
@@ -405,6 +420,7 @@ Json ValueJson(const ResolvedValue& value) {
     case ParameterType::kReal:
       return value.number;
     case ParameterType::kChoice:
+    case ParameterType::kText:
       return value.choice;
   }
   return nullptr;
@@ -476,6 +492,7 @@ std::string ValueText(const ResolvedValue& value) {
     case ParameterType::kBool:
       return value.number != 0 ? "true" : "false";
     case ParameterType::kChoice:
+    case ParameterType::kText:
       return value.choice;
     default:
       return NumberText(value.type, value.number);
@@ -614,7 +631,7 @@ ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
     ParameterValue stored;
     stored.name = texts_.emplace_back(value.name).c_str();
     stored.number = value.number;
-    if (value.type == ParameterType::kChoice) {
+    if (value.type == ParameterType::kChoice || value.type == ParameterType::kText) {
       stored.choice = texts_.emplace_back(value.choice).c_str();
     }
     values_.push_back(stored);

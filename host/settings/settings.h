@@ -28,7 +28,7 @@ struct ResolvedValue {
   std::string name;
   ParameterType type = ParameterType::kReal;
   double number = 0;   // kBool (0, 1), kInt, kReal
-  std::string choice;  // kChoice
+  std::string choice;  // kChoice, kText
   ValueOrigin origin = ValueOrigin::kDefault;
 };
 

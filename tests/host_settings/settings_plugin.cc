@@ -1,4 +1,4 @@
-// Two tasks, two models and three planners that only declare; `dreamer` is both
+// Three tasks, two models and three planners that only declare; `dreamer` is both
 // a model and a planner, as in the real plugins.
 #include "dreamsearch/plugin.h"
 
@@ -31,15 +31,17 @@ constexpr ParameterSpec kSearch[] = {
     IntParameter("simulations", 50, 1, 1000000, "simulations", "A decision's.").Preset("fast", 40),
     ChoiceParameter("first_play", "parent", "parent,zero", "An unvisited edge's Q.")
         .Preset("fast", "zero")};
+constexpr ParameterSpec kBridge[] = {TextParameter("id", "none", "What to play.")};
 constexpr ParameterSpec kCem[] = {IntParameter("candidates", 1000, 1, 100000, "", "Sequences.")};
 
-constexpr ComponentDescriptor Task(const char* name, const char* aliases) {
+constexpr ComponentDescriptor Task(const char* name, const char* aliases,
+                                   View<const ParameterSpec> parameters = ViewOf(kTask)) {
   return {.kind = ComponentKind::kEnvironment,
           .name = name,
           .aliases = aliases,
           .version = "1",
           .summary = "A task.",
-          .parameters = ViewOf(kTask),
+          .parameters = parameters,
           .create_environment = NoEnvironment};
 }
 constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSpec> parameters) {
@@ -53,6 +55,7 @@ constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSp
 
 constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
                                                Task("cup_catch", "ball_in_cup_catch"),
+                                               Task("bridge", nullptr, ViewOf(kBridge)),
                                                {.kind = ComponentKind::kModel,
                                                 .name = "dreamer",
                                                 .version = "1",

@@ -342,6 +342,23 @@ TEST(ParameterStorage, GivesAFactoryItsValues) {
   EXPECT_TRUE(parameters.IsChoice("first_play", "parent"));
 }
 
+TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
+  Options options = Base();
+  options.environments = {"bridge"};
+  EXPECT_EQ(Resolve(options).environment.parameters.Choice("id"), "none");
+  const std::string text = "{\"a b\": [1, \"=#'\"]}  \xc3\xa9";
+  options.settings = {CommandLine("bridge.id", text)};
+  const RunSpec run = Resolve(options);
+  const ParameterStorage storage(run.environment.parameters);
+  EXPECT_EQ(storage.view().GetText("id"), text);
+  EXPECT_EQ(RunSpecFromJson(ToJson(run)).environment.parameters.Choice("id"), text);
+  EXPECT_NE(ConfigurationSha256(run), ConfigurationSha256(With({})));
+
+  options.settings = {CommandLine("env.id", "two\nlines")};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kUsage,
+                {"env.id: expected a text of one line, default 'none'"});
+}
+
 TEST(RunParameters, AreConsistentDeclarations) {
   for (const ParameterSpec& spec : RunParameters()) {
     EXPECT_GE(spec.default_number, spec.min) << spec.name;

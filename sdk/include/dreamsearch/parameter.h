@@ -16,10 +16,16 @@
 
 namespace dreamsearch {
 
-enum class ParameterType : std::uint32_t { kBool = 0, kInt = 1, kReal = 2, kChoice = 3 };
+enum class ParameterType : std::uint32_t {
+  kBool = 0,
+  kInt = 1,
+  kReal = 2,
+  kChoice = 3,
+  kText = 4,  // any text of one line
+};
 
 // The value a parameter takes under a named preset; for kBool 0 or 1, for
-// kChoice see `choice`.
+// kChoice and kText see `choice`.
 struct PresetValue {
   const char* preset = nullptr;
   double number = 0;
@@ -35,7 +41,7 @@ struct ParameterSpec {
   double default_number = 0;             // kBool (0, 1), kInt, kReal
   double min = 0;                        // kInt, kReal: inclusive
   double max = 0;                        // kInt, kReal: inclusive
-  const char* default_choice = nullptr;  // kChoice
+  const char* default_choice = nullptr;  // kChoice, kText
   const char* choices = nullptr;         // kChoice: "one,two,three"
   const char* unit = nullptr;            // "" when it has none
   const char* help = nullptr;            // one sentence, with its source
@@ -109,11 +115,22 @@ constexpr ParameterSpec ChoiceParameter(const char* name, const char* value, con
   return spec;
 }
 
+// A text of one line; `value` may be "".
+constexpr ParameterSpec TextParameter(const char* name, const char* value, const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kText;
+  spec.default_choice = value;
+  spec.unit = "";
+  spec.help = help;
+  return spec;
+}
+
 // One resolved value. Numbers of kInt fit a double exactly (|v| <= 2^53).
 struct ParameterValue {
   const char* name = nullptr;
   double number = 0;
-  const char* choice = nullptr;
+  const char* choice = nullptr;  // kChoice, kText
 };
 
 // The resolved values of one component, valid during the factory call.
@@ -139,6 +156,7 @@ struct Parameters {
     const ParameterValue* value = Find(name);
     return value != nullptr && value->choice != nullptr ? value->choice : "";
   }
+  const char* GetText(const char* name) const noexcept { return GetChoice(name); }
   bool IsChoice(const char* name, const char* choice) const noexcept {
     return std::strcmp(GetChoice(name), choice) == 0;
   }

@@ -1,0 +1,306 @@
+"""Plays one Python environment for the plugin env_gym, which starts this program.
+
+Requests come in on file descriptor 3 and answers go out on 4. Both are frames: a
+little-endian uint32, the bytes after it, and these bytes: one letter, then what follows
+here. Numbers are native doubles, texts are UTF-8, a spec and settings are JSON.
+
+    request                                    answer
+    M settings                                 m spec           make the environment; first
+    R uint32 seed                              r observation    start an episode
+    S action                                   s reward terminated truncated observation
+    G                                          g bytes          the state, if it can be saved
+    P bytes                                    p                go to that state
+    V uint32 width, uint32 height              v RGB bytes      a picture
+    any                                        e text           it failed; the last line says how
+
+What the environment prints goes to the run's log.
+"""
+
+import ctypes
+import importlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import signal
+import struct
+import sys
+import traceback
+
+REQUESTS, ANSWERS = 3, 4
+
+
+class Refusal(Exception):
+    """What the user can mend; its text is the whole message."""
+
+
+def user_module(name):
+    """The module NAME, or the file NAME.py wherever it lies."""
+    if not name.endswith(".py"):
+        return importlib.import_module(name)
+    spec = importlib.util.spec_from_file_location(os.path.basename(name)[:-3], name)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    sys.path.insert(0, os.path.dirname(os.path.abspath(name)))
+    spec.loader.exec_module(module)
+    return module
+
+
+def versions_of(names):
+    """{distribution: version} of those that are installed."""
+    found = {"python": sys.version.split()[0]}
+    for name in names:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            pass
+    return found
+
+
+class GymnasiumPlayer:
+    """Any environment of the Gymnasium interface."""
+
+    packages = ("gymnasium", "numpy", "mujoco", "gymnasium-robotics")
+
+    def __init__(self, settings):
+        arguments = settings["arguments"]
+        if settings["module"]:
+            module = user_module(settings["module"])
+            if settings["id"] and not hasattr(module, settings["id"]):
+                raise Refusal(f"module {settings['module']} has no class '{settings['id']}'")
+            if not settings["id"]:
+                raise Refusal("the setting 'module' needs 'id', the name of a class in it")
+            self.env = getattr(module, settings["id"])(**arguments)
+        else:
+            import gymnasium
+
+            self.env = gymnasium.make(settings["id"], **arguments)
+        self.step_limit = getattr(getattr(self.env, "spec", None), "max_episode_steps", None)
+        inner = getattr(self.env, "unwrapped", self.env)
+        self.saver = inner if hasattr(inner, "save_state") and hasattr(inner, "restore_state") else None
+        space = self.env.action_space
+        if not all(hasattr(space, part) for part in ("low", "high", "shape")):
+            raise Refusal(
+                f"the action space is {type(space).__name__}; expected Box: the planners choose "
+                "real-valued actions, discrete ones are not supported")
+        self.action_shape, self.action_type = space.shape, space.dtype
+        self.low = [float(x) for x in space.low.reshape(-1)]
+        self.high = [float(x) for x in space.high.reshape(-1)]
+        self.parts, self.flatten = flattener(self.env.observation_space)
+        self.control_seconds = float(getattr(inner, "dt", 0) or 0)
+
+    def reset(self, seed):
+        answer = self.env.reset(seed=seed)
+        if not (isinstance(answer, tuple) and len(answer) == 2):
+            raise Refusal("reset returned no pair (observation, info); expected Gymnasium's "
+                          "interface, not the older one of gym")
+        return self.flatten(answer[0])
+
+    def step(self, action):
+        answer = self.env.step(action.astype(self.action_type).reshape(self.action_shape))
+        if not (isinstance(answer, tuple) and len(answer) == 5):
+            raise Refusal("step returned no five values (observation, reward, terminated, "
+                          "truncated, info); expected Gymnasium's interface, not the older one of gym")
+        observation, reward, terminated, truncated, _ = answer
+        return float(reward), bool(terminated), bool(truncated), self.flatten(observation)
+
+    def render(self):
+        return self.env.render()
+
+
+class ControlSuitePlayer:
+    """A task of dm_control.suite; its id is domain-task."""
+
+    packages = ("dm_control", "dm_env", "mujoco", "numpy")
+    saver = None
+
+    def __init__(self, settings):
+        import numpy
+        from dm_control import suite
+
+        domain, dash, task = settings["id"].partition("-")
+        if not dash:
+            raise Refusal(f"id '{settings['id']}': expected domain-task such as walker-walk")
+        self.random_state = numpy.random.RandomState
+        self.env = suite.load(domain, task, task_kwargs={"random": 0, **settings["arguments"]})
+        specification = self.env.action_spec()
+        self.action_shape = specification.shape
+        self.low = [float(x) for x in numpy.broadcast_to(specification.minimum, self.action_shape).reshape(-1)]
+        self.high = [float(x) for x in numpy.broadcast_to(specification.maximum, self.action_shape).reshape(-1)]
+        self.parts = [(name, int(numpy.prod(part.shape, dtype=int)))
+                      for name, part in self.env.observation_spec().items()]
+        self.step_limit = round(self.env._step_limit) if self.env._step_limit < 1e9 else None
+        self.control_seconds = float(self.env.control_timestep())
+        self.concatenate = lambda observation: numpy.concatenate(
+            [numpy.asarray(part, dtype=numpy.float64).reshape(-1) for part in observation.values()])
+
+    def reset(self, seed):
+        self.env.task._random = self.random_state(seed)
+        return self.concatenate(self.env.reset().observation)
+
+    def step(self, action):
+        moment = self.env.step(action.reshape(self.action_shape))
+        terminated = moment.last() and moment.discount == 0
+        return (float(moment.reward or 0), terminated, moment.last() and not terminated,
+                self.concatenate(moment.observation))
+
+    def render(self):
+        return self.env.physics.render(240, 320, camera_id=0)
+
+
+def flattener(space, prefix=""):
+    """([(name, size)], function from an observation to a vector) of a Gymnasium space.
+
+    Boxes are laid out in C order. Dictionaries and tuples come in the order of their space
+    (Gymnasium sorts the keys of a plain dict). A discrete value is one-hot.
+    """
+    import numpy
+
+    kind = type(space).__name__
+    name = prefix or "observation"
+    if kind == "Dict":
+        keys = list(space.spaces)
+        inner = [flattener(space.spaces[key], f"{prefix}/{key}" if prefix else str(key)) for key in keys]
+    elif kind == "Tuple":
+        keys = list(range(len(space.spaces)))
+        inner = [flattener(part, f"{name}/{key}") for key, part in zip(keys, space.spaces)]
+    elif kind == "Discrete":
+        size, start = int(space.n), int(space.start)
+
+        def one_hot(value):
+            vector = numpy.zeros(size)
+            vector[int(value) - start] = 1
+            return vector
+
+        return [(name, size)], one_hot
+    elif kind in ("Box", "MultiBinary", "MultiDiscrete"):
+        size = int(numpy.prod(space.shape, dtype=int))
+        return [(name, size)], lambda value: numpy.asarray(value, dtype=numpy.float64).reshape(-1)
+    else:
+        raise Refusal(f"the observation space has a part of kind {kind} ('{name}'); expected Box, "
+                      "Discrete, MultiBinary, MultiDiscrete, Dict or Tuple")
+    parts = [part for found, _ in inner for part in found]
+    return parts, lambda value: numpy.concatenate(
+        [flatten(value[key]) for key, (_, flatten) in zip(keys, inner)])
+
+
+class Bridge:
+    def __init__(self):
+        self.player = None
+
+    def make(self, body):
+        settings = json.loads(body.decode())
+        kind = {"gym": GymnasiumPlayer, "dm": ControlSuitePlayer}[settings["kind"]]
+        try:
+            self.player = kind(settings)
+        except ImportError as error:
+            raise Refusal(f"{sys.executable} cannot import what '{settings['id']}' needs: "
+                          f"{error}") from error
+        import numpy
+
+        self.numpy = numpy
+        player = self.player
+        for end, bounds in (("low", player.low), ("high", player.high)):
+            given = settings[f"action_{end}"]
+            for i, bound in enumerate(bounds):
+                if abs(bound) != float("inf"):
+                    continue
+                if given is None:
+                    raise Refusal(f"action {i} has no {end} bound; set env.action_low and "
+                                  "env.action_high")
+                bounds[i] = given
+        self.size = sum(size for _, size in player.parts)
+        self.actions = len(player.low)
+        state_bytes = 0
+        if player.saver is not None:
+            player.reset(0)
+            state_bytes = len(self.state())
+        return b"m" + json.dumps({
+            "observation": player.parts,
+            "action_low": player.low,
+            "action_high": player.high,
+            "episode_steps": player.step_limit or 0,
+            "control_seconds": player.control_seconds,
+            "state_bytes": state_bytes,
+            "versions": versions_of(kind.packages),
+        }).encode()
+
+    def observation(self, vector):
+        if vector.size != self.size:
+            raise Refusal(f"an observation has {vector.size} numbers; its space has {self.size}")
+        return self.numpy.ascontiguousarray(vector, dtype=self.numpy.float64).tobytes()
+
+    def reset(self, body):
+        return b"r" + self.observation(self.player.reset(struct.unpack("=I", body)[0]))
+
+    def step(self, body):
+        action = self.numpy.frombuffer(body, dtype=self.numpy.float64)
+        reward, terminated, truncated, vector = self.player.step(action)
+        return b"s" + struct.pack("=d??", reward, terminated, truncated) + self.observation(vector)
+
+    def state(self):
+        state = self.player.saver.save_state()
+        if not isinstance(state, (bytes, bytearray)):
+            raise Refusal(f"save_state returned {type(state).__name__}; expected bytes")
+        return bytes(state)
+
+    def save(self, _):
+        return b"g" + self.state()
+
+    def restore(self, body):
+        self.player.saver.restore_state(body)
+        return b"p"
+
+    def render(self, body):
+        width, height = struct.unpack("=II", body)
+        picture = self.player.render()
+        if picture is None:
+            raise Refusal("render returned no picture; make the environment with "
+                          "render_mode='rgb_array'")
+        picture = self.numpy.asarray(picture, dtype=self.numpy.uint8)
+        rows = self.numpy.arange(height) * picture.shape[0] // height
+        columns = self.numpy.arange(width) * picture.shape[1] // width
+        return b"v" + picture[rows][:, columns, :3].tobytes()
+
+    def answer(self, request):
+        handlers = {b"M": self.make, b"R": self.reset, b"S": self.step, b"G": self.save,
+                    b"P": self.restore, b"V": self.render}
+        try:
+            return handlers[request[:1]](request[1:])
+        except Refusal as refusal:
+            return b"e" + str(refusal).encode()
+        except Exception as error:  # whatever the environment raises is its user's to read
+            traceback.print_exc()
+            return b"e" + f"{type(error).__name__}: {error}".encode()
+
+
+def read(count):
+    data = bytearray()
+    while len(data) < count:
+        part = os.read(REQUESTS, count - len(data))
+        if not part:
+            sys.exit(0)  # the run has ended
+        data += part
+    return bytes(data)
+
+
+def end_with_the_run():
+    """Outlives neither the run, nor a signal that the run answers with a checkpoint."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_IGN)
+    set_parent_death_signal = 1  # PR_SET_PDEATHSIG of <sys/prctl.h>
+    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGKILL)
+
+
+def main():
+    end_with_the_run()
+    bridge = Bridge()
+    while True:
+        answer = bridge.answer(read(struct.unpack("=I", read(4))[0]))
+        frame = struct.pack("=I", len(answer)) + answer
+        while frame:
+            frame = frame[os.write(ANSWERS, frame):]
+
+
+if __name__ == "__main__":
+    main()
