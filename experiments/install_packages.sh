@@ -14,7 +14,7 @@ packages=(
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
              libeigen3-dev libdnnl-dev libxsmm-dev
-             python3 python3-numpy python3-scipy chromium clang-format clang-tidy)
+             python3 python3-numpy python3-scipy python3-venv chromium clang-format clang-tidy)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2
   exit 2
