@@ -63,9 +63,17 @@ std::map<std::string, int> StylesOf(const std::vector<std::string>& labels) {
   return styles;
 }
 
-void AddLine(const Line& line, int style, CurveInterval interval, Panel* panel, int* most_shown) {
+// What the notes explain.
+struct Shown {
+  int most_seeds = 0;  // of a line
+  bool two_seeds = false, tails = false;
+};
+
+void AddLine(const Line& line, int style, CurveInterval interval, Panel* panel, Shown* shown) {
   const LineCurve curve = CurveOf(line);
-  *most_shown = std::max(*most_shown, curve.n);
+  shown->most_seeds = std::max(shown->most_seeds, curve.n);
+  shown->two_seeds = shown->two_seeds || curve.n == 2;
+  shown->tails = shown->tails || !curve.tails.empty();
   LineOverBand mean(style);
   Series dots = {.mark = Series::Mark::kPoints, .style = style};
   for (const LinePoint& point : curve.points) {
@@ -135,24 +143,19 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
   std::map<std::string, std::set<int>> counts;
   std::map<std::string, std::string> phases;
   std::map<std::string, std::size_t> panels;
-  int most_shown = 0;
-  bool two = false, uneven = false;
+  Shown shown;
   for (const Line& line : lines) {
     if (panels.emplace(line.task, figure.panels.size()).second) {
       figure.panels.push_back({.title = line.task});
     }
     counts[line.label].insert(line.n());
     phases[line.label] = PhaseName(line.published, line.with_search, request.phase);
-    two = two || line.n() == 2;
-    for (const RunCurve& run : line.runs) {
-      uneven = uneven || (!run.x.empty() && run.env_steps_done < run.env_steps_target);
-    }
   }
   // The paper's planners last, on top.
   for (auto label = order.rbegin(); label != order.rend(); ++label) {
     for (const Line& line : lines) {
       if (line.label != *label) continue;
-      AddLine(line, styles[line.label], interval, &figure.panels[panels[line.task]], &most_shown);
+      AddLine(line, styles[line.label], interval, &figure.panels[panels[line.task]], &shown);
     }
   }
   for (const std::string& label : order) {
@@ -160,17 +163,17 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
                              .style = styles[label]});
   }
 
-  std::string note = most_shown >= 2 ? "Line: mean over n seeds." : "Line: one seed.";
-  if (most_shown >= kIntervalRuns && interval == CurveInterval::kMinMax) {
+  std::string note = shown.most_seeds >= 2 ? "Line: mean over n seeds." : "Line: one seed.";
+  if (shown.most_seeds >= kIntervalRuns && interval == CurveInterval::kMinMax) {
     note += " Band: minimum to maximum over seeds.";
   }
-  if (most_shown >= kIntervalRuns && interval == CurveInterval::kT95) {
+  if (shown.most_seeds >= kIntervalRuns && interval == CurveInterval::kT95) {
     note += " Band: 95 % confidence interval of the mean (Student's t).";
   }
-  if (two) note += " Small markers: each of two seeds; fewer than 3 give no interval.";
-  if (most_shown < 2) note += " Fewer than 3 seeds give no interval.";
+  if (shown.two_seeds) note += " Small markers: each of two seeds; fewer than 3 give no interval.";
+  if (shown.most_seeds < 2) note += " Fewer than 3 seeds give no interval.";
   if (figure.x_high) note += kCutNote;
-  if (uneven) note += " Thin: seeds that have gone further than others.";
+  if (shown.tails) note += " Thin: seeds that have gone further than others.";
   if (request.phase == CurvePhase::kEvaluation) {
     note += " With search: evaluated with the planner; actor: with the actor's mode action.";
   }

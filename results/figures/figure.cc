@@ -1,6 +1,7 @@
 #include "results/figures/figure.h"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 
 #include "results/figures/gnuplot.h"
@@ -30,20 +31,23 @@ std::optional<PictureFormat> FormatOf(const std::string& path) {
 
 }  // namespace
 
-// Okabe and Ito 2008, without its yellow, which vanishes on white, plus grey.
-const std::array<Style, kStyles> kStyleTable = {{
-    {"#0072B2", "", Marker::kCircle},
-    {"#D55E00", "14,4", Marker::kSquare},
-    {"#009E73", "5,3", Marker::kTriangle},
-    {"#CC79A7", "14,4,3,4", Marker::kDiamond},
-    {"#000000", "2,3", Marker::kOpenSquare},
-    {"#E69F00", "20,6", Marker::kDownTriangle},
-    {"#56B4E9", "10,3,3,3,3,3", Marker::kOpenCircle},
-    {"#777777", "3,6", Marker::kOpenTriangle},
-}};
-
-const Style& StyleOf(int style) {
-  return kStyleTable[static_cast<std::size_t>(style) % kStyleTable.size()];
+Style StyleOf(int style) {
+  // Okabe and Ito 2008, without its yellow, which vanishes on white, plus grey.
+  static constexpr std::array<Style, 8> kStyles = {{
+      {"#0072B2", "", Marker::kCircle},
+      {"#D55E00", "14,4", Marker::kSquare},
+      {"#009E73", "5,3", Marker::kTriangle},
+      {"#CC79A7", "14,4,3,4", Marker::kDiamond},
+      {"#000000", "2,3", Marker::kOpenSquare},
+      {"#E69F00", "20,6", Marker::kDownTriangle},
+      {"#56B4E9", "10,3,3,3,3,3", Marker::kOpenCircle},
+      {"#777777", "3,6", Marker::kOpenTriangle},
+  }};
+  const auto place = static_cast<std::size_t>(style);
+  const std::size_t round = place / kStyles.size();
+  // 3 has no factor in common with 8: eight rounds are all different.
+  const Style& shape = kStyles[(place + 3 * round) % kStyles.size()];
+  return {kStyles[place % kStyles.size()].colour, shape.dash, shape.marker};
 }
 
 const char* MarkerName(Marker marker) {

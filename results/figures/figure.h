@@ -5,7 +5,6 @@
 // colour-blind reader or a grey print loses nothing (palette: Okabe and Ito 2008).
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,10 +29,8 @@ struct Style {
   const char* dash;    // lengths of stroke and gap in turn, "14,4"; empty: solid
   Marker marker;
 };
-// Styles repeat after these.
-inline constexpr int kStyles = 8;
-extern const std::array<Style, kStyles> kStyleTable;
-const Style& StyleOf(int style);
+// 64 styles. From the ninth on colours come again, with other dashes and markers.
+Style StyleOf(int style);
 
 struct Series {
   enum class Mark {

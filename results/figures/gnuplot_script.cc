@@ -115,6 +115,24 @@ struct Extent {
   double smallest_x = INFINITY;  // of those above 0
 };
 
+// A band up to the end of the axis: gnuplot draws one that goes on beyond it with a wrong edge.
+Series CutAt(const Series& band, double end) {
+  const auto beyond = std::upper_bound(band.x.begin(), band.x.end(), end);
+  if (beyond == band.x.begin() || beyond == band.x.end()) return band;
+  const auto count = static_cast<std::size_t>(beyond - band.x.begin());
+  Series cut = band;
+  const double share = (end - band.x[count - 1]) / (band.x[count] - band.x[count - 1]);
+  const auto cut_edge = [&](std::vector<double>* edge) {
+    const double at_end = (*edge)[count - 1] + share * ((*edge)[count] - (*edge)[count - 1]);
+    edge->resize(count);
+    edge->push_back(at_end);
+  };
+  cut_edge(&cut.x);
+  cut_edge(&cut.lo);
+  cut_edge(&cut.hi);
+  return cut;
+}
+
 class Script {
  public:
   Script(const Figure& figure, const Layout& layout, PictureFormat format)
@@ -234,8 +252,11 @@ class Script {
     const Panel& panel = figure_.panels[index];
     std::string plots;
     for (std::size_t s = 0; s < panel.series.size(); ++s) {
-      const Series& series = panel.series[s];
+      Series series = panel.series[s];
       if (series.x.empty()) continue;
+      if (series.mark == Series::Mark::kBand && figure_.x_high) {
+        series = CutAt(series, *figure_.x_high);
+      }
       const std::string name = "$D" + std::to_string(index) + "_" + std::to_string(s);
       out_ << name << " << EOD\n";
       for (std::size_t i = 0; i < series.x.size(); ++i) {
@@ -250,7 +271,7 @@ class Script {
   }
 
   std::string PlotStyle(const Series& series) const {
-    const Style& style = StyleOf(series.style);
+    const Style style = StyleOf(series.style);
     const std::string colour = std::string("rgb '") + style.colour + "'";
     const std::string marker = PointType(style);
     const double size = layout_.columns >= 3 ? 0.45 : 0.6;
@@ -316,7 +337,7 @@ class Script {
 
   void LegendSample(std::size_t index, double legend_bottom) {
     const LegendEntry& entry = figure_.legend[index];
-    const Style& style = StyleOf(entry.style);
+    const Style style = StyleOf(entry.style);
     const Layout::LegendText& text = layout_.legend[index];
     const double x = kPad + text.x;
     const double y =

@@ -96,9 +96,10 @@ void AddPlaces(const std::string& axis, const Curve& curve, ordered_json* json) 
   }
 }
 
-ordered_json StylesJson() {
+ordered_json StylesJson(std::size_t count) {
   ordered_json styles = ordered_json::array();
-  for (const Style& style : kStyleTable) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const Style style = StyleOf(static_cast<int>(i));
     styles.push_back(
         {{"colour", style.colour}, {"dash", style.dash}, {"marker", MarkerName(style.marker)}});
   }
@@ -142,7 +143,7 @@ ordered_json ReportData(const std::vector<AxisLines>& axes, const std::vector<Ti
   }
 
   ordered_json data;
-  data["styles"] = StylesJson();
+  data["styles"] = StylesJson(std::max(labels.size(), kActivities.size()));
   data["axes"] = ordered_json::array();
   for (const AxisLines& axis : axes) {
     data["axes"].push_back({{"key", axis.key}, {"name", axis.name}, {"title", XLabel(axis.axis)}});
@@ -151,9 +152,8 @@ ordered_json ReportData(const std::vector<AxisLines>& axes, const std::vector<Ti
                         {{"key", "iqm"}, {"title", "interquartile mean"}}};
   data["lines"] = ordered_json::array();
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    data["lines"].push_back({{"label", labels[i]},
-                             {"style", i % kStyles},
-                             {"published", published.count(labels[i]) > 0}});
+    data["lines"].push_back(
+        {{"label", labels[i]}, {"style", i}, {"published", published.count(labels[i]) > 0}});
   }
   data["seeds"] = seeds;
   const std::optional<double> end = EndOfOwnRuns(lines);

@@ -4,7 +4,7 @@
 // single runs) the series are here. Numbers are those of CurveTable, OverTasksTable and
 // TimeTable, bit for bit. A document has
 //
-//   styles      colour, dash and marker of lines, in order
+//   styles      colour, dash and marker, of which lines and activities name theirs
 //   axes        key, name and title of each x axis
 //   statistics  key and title of each statistic over seeds
 //   lines       label and style; `published` where they are not of our runs

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <regex>
+#include <set>
+#include <tuple>
 
 #include "recording.h"
 #include "results/system/file.h"
@@ -66,6 +68,32 @@ TEST(Figure, LongNamesBesideAnAxisAreWrapped) {
   const std::string bars = DrawSvg(figure);
   EXPECT_NE(bars.find("<text>1</text>"), std::string::npos);
   EXPECT_NE(bars.find("<text>1: mcts_pw model."), std::string::npos);
+}
+
+TEST(Figure, FortyLinesHaveFortyStyles) {
+  std::set<std::tuple<std::string, std::string, Marker>> styles;
+  for (int i = 0; i < 40; ++i) {
+    const Style style = StyleOf(i);
+    styles.emplace(style.colour, style.dash, style.marker);
+  }
+  EXPECT_EQ(styles.size(), 40u);
+}
+
+// gnuplot itself draws the upper edge of such a band wrongly.
+TEST(Figure, ABandThatGoesOnBeyondTheAxisIsCutAtItsEnd) {
+  Figure figure;
+  figure.x_high = 5;
+  figure.y_high = 10;
+  figure.panels.push_back(
+      {.title = "t",
+       .series = {
+           {.mark = Series::Mark::kBand, .x = {0, 4, 10}, .lo = {0, 1, 4}, .hi = {2, 4, 10}}}});
+  const std::string beyond = DrawSvg(figure);
+  Series& band = figure.panels[0].series[0];
+  band.x[2] = 5;
+  band.lo[2] = 1.5;
+  band.hi[2] = 5;
+  EXPECT_EQ(beyond, DrawSvg(figure));
 }
 
 // U+10FFFD is of no font.
