@@ -149,12 +149,12 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   const auto count = static_cast<Index>(batch.sequences);
   const auto length = static_cast<Index>(batch.length);
   const Index n = count * length;
-  for (Index j = 0; j < n; ++j) {
-    if (j % length != 0 && batch.is_first[static_cast<std::uint64_t>(j)] != 0) {
-      return Error(StatusCode::kInvalidArgument,
-                   "sequences inside one episode expected; sequence %lld starts another at step "
-                   "%lld",
-                   static_cast<long long>(j / length), static_cast<long long>(j % length));
+  firsts_.clear();
+  for (Index t = 1; t < length; ++t) {
+    for (Index b = 0; b < count; ++b) {
+      if (batch.is_first[static_cast<std::uint64_t>(b * length + t)] != 0) {
+        firsts_.push_back(t * count + b);
+      }
     }
   }
 
@@ -198,7 +198,8 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   }
   const Mat<T> noise = noise_.Shape(settings_.stochastic, n);
   FillNormal(DeriveSeed(seed, kPosteriorNoise), noise.data, noise.size());
-  batch_ = {count, length, observations, actions, rewards, continues, noise};
+  batch_ = {count,   length,    observations, actions,
+            rewards, continues, noise,        {firsts_.data(), firsts_.size()}};
 
   // The dreams' starts, without replacement.
   const Index skip = std::min(settings_.start_skip, length - 1);

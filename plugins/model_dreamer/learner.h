@@ -101,6 +101,7 @@ class Learner {
   ObservationStatistics next_statistics_;
   Sequences<T> batch_;
   std::vector<Index> starts_;  // columns of the posterior, ascending
+  std::vector<Index> firsts_;  // see Sequences
   std::vector<Index> candidates_;
   Progress states_known_;  // columns of the posterior
   Index lanes_ = 0;

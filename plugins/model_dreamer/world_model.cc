@@ -16,6 +16,14 @@ double Mean(Mat<T> m) {
   return total / static_cast<double>(m.size());
 }
 
+// Of batch.firsts those of step t.
+template <typename T>
+View<const Index> FirstsOf(const Sequences<T>& batch, Index t) {
+  const Index* begin = std::lower_bound(batch.firsts.begin(), batch.firsts.end(), t * batch.count);
+  const Index* end = std::lower_bound(begin, batch.firsts.end(), (t + 1) * batch.count);
+  return {begin, static_cast<std::uint64_t>(end - begin)};
+}
+
 }  // namespace
 
 template <typename T>
@@ -75,6 +83,20 @@ Mat<const T> WorldModel<T>::ReserveStates(const Sequences<T>& batch) {
 }
 
 template <typename T>
+Mat<T> WorldModel<T>::BeforeOf(const Sequences<T>& batch) {
+  const Index n = batch.count * batch.length;
+  return batch.firsts.empty() ? all_states_.Cols(0, n) : before_.Shape(z_ + d_, n);
+}
+
+template <typename T>
+void WorldModel<T>::ForgetBefore(const Sequences<T>& batch, Index t, Mat<T> before) const {
+  if (batch.firsts.empty()) return;
+  const Index b = batch.count;
+  Copy<T>(all_states_.Cols(t * b, b), before.Cols(t * b, b));
+  for (const Index column : FirstsOf(batch, t)) SetZero(before.Cols(column, 1));
+}
+
+template <typename T>
 void WorldModel<T>::Unroll(const Sequences<T>& batch, Progress* known) {
   const ReachAtEnd all_known(known, batch.count * batch.length);
   const Weights<T> p = group_.training(&rounded_scratch_);
@@ -98,12 +120,15 @@ void WorldModel<T>::Unroll(const Sequences<T>& batch, Progress* known) {
   ReserveStates(batch);
   const Mat<T> all = all_states_;
   SetZero(all.Cols(0, b));
+  const Mat<T> before = BeforeOf(batch);
   const Mat<T> gates = gates_.Shape(4 * d_, n);
   const Mat<T> q_raw = posterior_raw_.Shape(2 * z_, n);
   const Mat<T> q_std = posterior_std_.Shape(z_, n);
   for (Index t = 0; t < steps; ++t) {
     const Mat<T> next = all.Cols((t + 1) * b, b);
-    Recur(p, all.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), &scratch_, next);
+    ForgetBefore(batch, t, before);
+    Recur(p, before.Cols(t * b, b), t == 0, x.Cols(t * b, b), gates.Cols(t * b, b), &scratch_,
+          next);
     const ActivationTape<T> now = hidden.Cols(t * b, b);
     posterior_hidden_.Add(p, 0, In<T>(Deterministic(next)), now.output);
     posterior_activation_.Forward(p, now);
@@ -125,7 +150,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
   const bool norm = settings_.layer_norm;
 
   // What Unroll left.
-  const Mat<T> all = all_states_;
+  const Mat<T> before = BeforeOf(batch);
   const Mat<T> embedding = encoder_.Last(encoder_tape_);
   const ActivationTape<T> x = recur_buffers_.Shape(u_, n, norm);
   const ActivationTape<T> hidden = posterior_buffers_.Shape(u_, n, norm);
@@ -214,20 +239,28 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
     posterior_out_.SetTransposed(p, 0, In<T>(d_q.Cols(t * b, b)), dh);
     posterior_activation_.Backward(p, hidden.Cols(t * b, b), dh, g);
     posterior_hidden_.AddTransposed(p, 0, In<T>(dh), Deterministic(d_now));
-    GruBackward<T>(gates.Cols(t * b, b), Deterministic(all.Cols(t * b, b)), Deterministic(d_now),
+    GruBackward<T>(gates.Cols(t * b, b), Deterministic(before.Cols(t * b, b)), Deterministic(d_now),
                    d_in.Cols(t * b, b), d_rec.Cols(t * b, b), d_prev);
     const Mat<T> dx = d_x.Cols(t * b, b);
     gru_input_.SetTransposed(p, 0, In<T>(d_in.Cols(t * b, b)), dx);
     recur_activation_.Backward(p, x.Cols(t * b, b), dx, g);
     if (t == 0) break;
     const Mat<T> d_before = d_states.Cols((t - 1) * b, b);
+    // What begins an episode says nothing of the state that it does not come from.
+    const View<const Index> firsts = FirstsOf(batch, t);
+    const Mat<T> kept = kept_.Shape(z_ + d_, static_cast<Index>(firsts.size));
+    for (Index i = 0; i < kept.cols; ++i) {
+      Copy<T>(d_before.Cols(firsts[i] - t * b, 1), kept.Cols(i, 1));
+    }
     Add<T>(d_prev, Deterministic(d_before));
     gru_recurrent_.AddTransposed(p, 0, In<T>(d_rec.Cols(t * b, b)), Deterministic(d_before));
     recur_.AddTransposed(p, 0, In<T>(dx), Stochastic(d_before));
+    for (Index i = 0; i < kept.cols; ++i) {
+      Copy<T>(kept.Cols(i, 1), d_before.Cols(firsts[i] - t * b, 1));
+    }
   }
 
   // The weights' gradients, for all steps at once.
-  const Mat<T> before = all.Cols(0, n);
   posterior_out_.AddGradient<T>(p, hidden.output, d_q, g);
   posterior_hidden_.AddOuter<T>(p, 0, ReadDeterministic(states_), d_hidden, g);
   posterior_hidden_.AddOuter<T>(p, 1, embedding, d_hidden, g);

@@ -16,7 +16,8 @@
 
 namespace dreamsearch::dreamer {
 
-// B sequences of T steps, time-major: column t * B + b.
+// B sequences of T steps, time-major: column t * B + b. A sequence may run over the end of an
+// episode; the next one begins from the zero state.
 template <typename T>
 struct Sequences {
   Index count = 0;            // B
@@ -26,6 +27,7 @@ struct Sequences {
   Mat<const T> rewards;       // [1, T * B]
   Mat<const T> continues;     // [1, T * B], gamma * (not terminal)
   Mat<const T> noise;         // [Z, T * B], the posterior's
+  View<const Index> firsts;   // columns after the first B that begin an episode, ascending
 };
 
 // Losses per step of the batch, before their weights.
@@ -132,13 +134,19 @@ class WorldModel {
   Affine posterior_out_;
   Mlp decoder_, reward_, continuation_;
 
+  // The states before each step: of all_states_, or a copy where an episode begins inside a
+  // sequence. Of that copy, the columns of step t.
+  Mat<T> BeforeOf(const Sequences<T>& batch);
+  // Zero states before the episodes that begin at step t.
+  void ForgetBefore(const Sequences<T>& batch, Index t, Mat<T> before) const;
+
   // The memory of Unroll and Fit; Observe uses the forward part with one column a row.
   Mat<T> all_states_;  // the zero states before the first step, then states_
   Mat<T> states_;
-  Buffer<T> states_buffer_, gates_, posterior_raw_, posterior_std_, prior_raw_, prior_std_,
-      prior_mean_, observation_, reward_out_, continuation_out_, d_observation_, d_reward_,
-      d_continuation_, kl_, kl_weight_, d_states_, d_posterior_, d_prior_, d_posterior_hidden_,
-      d_input_, d_recurrent_, d_recur_, d_embedding_;
+  Buffer<T> states_buffer_, before_, kept_, gates_, posterior_raw_, posterior_std_, prior_raw_,
+      prior_std_, prior_mean_, observation_, reward_out_, continuation_out_, d_observation_,
+      d_reward_, d_continuation_, kl_, kl_weight_, d_states_, d_posterior_, d_prior_,
+      d_posterior_hidden_, d_input_, d_recurrent_, d_recur_, d_embedding_;
   ActivationBuffers<T> recur_buffers_, posterior_buffers_;
   MlpTape<T> encoder_tape_, prior_tape_, decoder_tape_, reward_tape_, continuation_tape_;
   TransitionScratch<T> scratch_;

@@ -268,6 +268,7 @@ INSTANTIATE_TEST_SUITE_P(Layers, LayerGradient, testing::Range<std::size_t>(0, L
 struct Variant {
   const char* name;
   std::function<void(Settings*)> change;
+  std::vector<std::size_t> firsts = {};  // rows inside sequences that begin an episode
 };
 
 const Variant kVariants[] = {
@@ -302,6 +303,7 @@ const Variant kVariants[] = {
        s->imagination_starts = 5;
        s->start_skip = 1;
      }},
+    {"episodes_end_inside", [](Settings* s) { s->continuation = true; }, {2, 5, 6, 11}},
 };
 
 Settings SmallSettings() {
@@ -338,7 +340,8 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
   const Variant& variant = kVariants[GetParam()];
   Settings settings = SmallSettings();
   variant.change(&settings);
-  const OwnedBatch batch = RandomBatch(3, 4, 3, 2, 21);
+  OwnedBatch batch = RandomBatch(3, 4, 3, 2, 21);
+  for (const std::size_t row : variant.firsts) batch.is_first[row] = 1;
   Learner<double> learner(settings, 3, 2, 5);
   MakeReady(&learner);
   ASSERT_TRUE(learner.Read(batch.view(), 77).ok());
@@ -402,6 +405,30 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
 INSTANTIATE_TEST_SUITE_P(Variants, UpdateGradient,
                          testing::Range<std::size_t>(0, std::size(kVariants)),
                          [](const auto& row) { return std::string(kVariants[row.param].name); });
+
+TEST(Sequences, WhatCameBeforeAnEpisodeDoesNotReachIntoIt) {
+  const Index length = 6, first = 2;
+  Settings settings = SmallSettings();
+  settings.normalise_observations = false;
+  std::vector<Values> later;
+  for (const float shift : {0.0f, 1.0f}) {
+    OwnedBatch batch = RandomBatch(1, length, 3, 2, 21);
+    for (Index i = 0; i < 3 * first; ++i) batch.observations[static_cast<std::size_t>(i)] += shift;
+    for (Index i = 0; i < 2 * first; ++i) batch.actions[static_cast<std::size_t>(i)] += shift;
+    for (const bool ends : {true, false}) {
+      batch.is_first[static_cast<std::size_t>(first)] = ends ? 1 : 0;
+      Learner<double> learner(settings, 3, 2, 5);
+      MakeReady(&learner);
+      ASSERT_TRUE(learner.Read(batch.view(), 77).ok());
+      UpdateLosses losses;
+      learner.FitGradients(&losses);
+      const M states = learner.world().states();
+      later.emplace_back(states.col(first), states.col(first) + states.rows * (length - first));
+    }
+  }
+  EXPECT_EQ(later[0], later[2]);
+  EXPECT_NE(later[1], later[3]);
+}
 
 // The factors of the divergence scale the gradient, not the loss, so they are
 // checked by linearity: the halves add up, and the prior's own weights feel only

@@ -97,9 +97,10 @@ struct ObserveRequest {
   View<const std::uint64_t> seeds;  // [B]
 };
 
-// B sequences of T consecutive decisions, each inside one episode. Row b * T + t
-// belongs to time t of sequence b; action and reward are those that *led to* the
-// observation of the same row, zero where it is an episode's first.
+// B sequences of T consecutive decisions. Where an episode is shorter than T, its sequences run
+// on into another one: is_first says where. Row b * T + t belongs to time t of sequence b;
+// action and reward are those that *led to* the observation of the same row, zero where it is
+// an episode's first.
 struct SequenceBatch {
   std::uint64_t sequences = 0;           // B
   std::uint64_t length = 0;              // T
