@@ -9,9 +9,15 @@
 
 namespace dreamsearch {
 
+void Agent::Parts::SetPlanner(const ResolvedComponent& component) {
+  planner_text = "planner '" + component.name() + "'";
+  searches = component.Has(kSearches);
+  metrics = component.info->metrics.size();
+}
+
 Agent::Agent(const Parts& parts)
     : parts_(parts),
-      proxy_(parts.model, parts.model_name),
+      proxy_(parts.model, parts.model_name, parts.searches),
       latent_bytes_(parts.model->latent_bytes()),
       latent_memory_(2 * latent_bytes_ + kLatentAlignment),
       action_(parts.model->action_size()),
@@ -36,10 +42,7 @@ void Agent::BeginEpisode(Phase phase, std::uint64_t episode) {
   std::fill(action_.begin(), action_.end(), 0.0);
   ThrowUnlessOk(parts_.model->InitialLatent({Latent(current_), 1, latent_bytes_}),
                 "model '" + parts_.model_name + "' InitialLatent");
-  if (parts_.planner != nullptr) {
-    ThrowUnlessOk(parts_.planner->BeginEpisode(&proxy_),
-                  "planner '" + parts_.planner_name + "' BeginEpisode");
-  }
+  ThrowUnlessOk(parts_.planner->BeginEpisode(&proxy_), parts_.planner_text + " BeginEpisode");
 }
 
 Decision Agent::Decide(View<const double> observation, bool explore, std::uint64_t environment_step,
@@ -62,33 +65,25 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
                 "model '" + parts_.model_name + "' Observe");
   current_ = 1 - current_;
 
-  const ConstLatents root{Latent(current_), 1, latent_bytes_};
+  const std::string& who = parts_.planner_text;
+  PlanRequest request;
+  request.root = {Latent(current_), 1, latent_bytes_};
+  request.explore = explore;
+  request.seed = SeedFor(parts_.run_seed, SeedUse::kPlan, phase_, episode_, decision_);
+  request.decision = decision_;
+  request.environment_step = environment_step;
+  request.tree = tree;
+  PlanResult result;
+  result.action = {action_.data(), action_.size()};
+  result.metrics = {metrics_.data(), metrics_.size()};
+  const Status status = parts_.planner->Plan(request, &result);
+  ThrowUnlessOk(proxy_.fault(), who + " Plan");
+  ThrowUnlessOk(status, who + " Plan");
   Decision decision;
-  std::string who;
-  if (parts_.planner != nullptr) {
-    who = "planner '" + parts_.planner_name + "'";
-    PlanRequest request;
-    request.root = root;
-    request.explore = explore;
-    request.seed = SeedFor(parts_.run_seed, SeedUse::kPlan, phase_, episode_, decision_);
-    request.decision = decision_;
-    request.environment_step = environment_step;
-    request.tree = tree;
-    PlanResult result;
-    result.action = {action_.data(), action_.size()};
-    result.metrics = {metrics_.data(), metrics_.size()};
-    const Status status = parts_.planner->Plan(request, &result);
-    ThrowUnlessOk(proxy_.fault(), who + " Plan");
-    ThrowUnlessOk(status, who + " Plan");
-    decision.value = result.value;
-    decision.simulations = result.simulations;
-    decision.nodes = result.nodes;
-    decision.depth = result.depth;
-  } else {
-    who = "the actor of model '" + parts_.model_name + "'";
-    ThrowUnlessOk(proxy_.ProposeMode(root, {action_.data(), 1, action_.size()}), who);
-    ThrowUnlessOk(proxy_.Value(root, {.values = {&decision.value, 1}}), who);
-  }
+  decision.value = result.value;
+  decision.simulations = result.simulations;
+  decision.nodes = result.nodes;
+  decision.depth = result.depth;
   for (std::size_t i = 0; i < action_.size(); ++i) {
     if (!std::isfinite(action_[i])) {
       throw Failure(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
@@ -117,9 +112,7 @@ void Agent::Save(ByteWriter* writer) const {
   writer->Value(proxy_.transitions());
   writer->Array(const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
   StringSink memory;
-  if (parts_.planner != nullptr) {
-    ThrowUnlessOk(parts_.planner->Save(&memory), "planner '" + parts_.planner_name + "' Save");
-  }
+  ThrowUnlessOk(parts_.planner->Save(&memory), parts_.planner_text + " Save");
   writer->String(memory.bytes);
 }
 
@@ -132,10 +125,8 @@ void Agent::Load(ByteReader* reader) {
   proxy_.set_transitions(reader->Value<std::uint64_t>());
   reader->ArrayInto(Latent(current_), latent_bytes_);
   const std::string memory = reader->String();
-  if (parts_.planner != nullptr) {
-    StringSource source(memory);
-    ThrowUnlessOk(parts_.planner->Load(&source), "planner '" + parts_.planner_name + "' Load");
-  }
+  StringSource source(memory);
+  ThrowUnlessOk(parts_.planner->Load(&source), parts_.planner_text + " Load");
 }
 
 }  // namespace dreamsearch

@@ -19,6 +19,7 @@
 #include "host/plugins/model_proxy.h"
 #include "host/saving/byte_buffer.h"
 #include "host/settings/seeds.h"
+#include "host/settings/settings.h"
 
 namespace dreamsearch {
 
@@ -36,15 +37,18 @@ class Agent {
   struct Parts {
     Model* model = nullptr;
     std::string model_name;
-    // nullptr: the actor alone, its mode action.
     Planner* planner = nullptr;
-    std::string planner_name;
+    std::string planner_text;            // in messages: "planner 'cem'"
+    bool searches = true;                // or Imagine is refused
     std::size_t metrics = 0;             // how many the planner reports
-    Environment* environment = nullptr;  // whose state a needs_environment model is given
+    Environment* environment = nullptr;  // whose state is given to a model that needs one
     bool model_needs_environment = false;
     std::uint64_t run_seed = 0;
     // Seconds. For an agent that decides beside others its share of their time.
     std::function<double()> clock = ActivityClock::Now;
+
+    // What of a planner's declaration concerns the agent.
+    void SetPlanner(const ResolvedComponent& component);
   };
   explicit Agent(const Parts& parts);
 

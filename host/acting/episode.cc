@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/acting/actor.h"
 #include "results/system/digest.h"
 #include "results/system/error.h"
 
@@ -61,12 +62,39 @@ EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {
   for (std::size_t seat = 0; seat < parts_.model->seats(); ++seat) {
     Agent::Parts agent = parts_.agent;
     agent.model = parts_.model->seat(seat);
-    agent.planner = parts_.planners.empty() ? nullptr : parts_.planners[seat].get();
+    agent.planner = parts_.planners[seat].get();
     agent.environment = (*parts_.environments)[seat].get();
     agent.run_seed = parts_.run_seed;
     agent.clock = [model = parts_.model, seat] { return model->Seconds(seat); };
     agents_.push_back(std::make_unique<Agent>(agent));
   }
+}
+
+EpisodePlayers::Parts EpisodePlayers::PartsOf(const RunSpec& spec, const Components& components,
+                                              Who who, JointModel* model,
+                                              const std::vector<EnvironmentPtr>* environments) {
+  Parts parts;
+  parts.model = model;
+  parts.environments = environments;
+  parts.environment_name = spec.environment.name();
+  parts.action_repeat = spec.action_repeat();
+  parts.run_seed = spec.seed;
+  parts.agent.model_name = spec.model.name();
+  parts.agent.model_needs_environment = spec.model.Has(kNeedsEnvironment);
+  if (who == Who::kActor) {
+    parts.agent.planner_text = "the actor of model '" + spec.model.name() + "'";
+    parts.agent.searches = false;
+    for (std::size_t i = 0; i < model->seats(); ++i) parts.planners.push_back(MakeActor());
+    return parts;
+  }
+  const bool evaluation = who == Who::kEvaluationPlanner;
+  const ResolvedComponent& planner = evaluation ? spec.eval_planner : spec.planner;
+  parts.agent.SetPlanner(planner);
+  for (std::size_t i = 0; i < model->seats(); ++i) {
+    parts.planners.push_back(evaluation ? components.MakeEvaluationPlanner(*model->seat(i))
+                                        : components.MakePlanner(*model->seat(i)));
+  }
+  return parts;
 }
 
 void EpisodePlayers::Play(const EpisodeCourse& course, std::uint64_t env_step) {

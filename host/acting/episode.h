@@ -101,7 +101,7 @@ class EpisodePlayers {
     JointModel* model = nullptr;
     // At least one for each of the model's seats.
     const std::vector<EnvironmentPtr>* environments = nullptr;
-    // One for each seat; empty: the actor alone.
+    // One for each seat.
     std::vector<PlannerPtr> planners;
     Agent::Parts agent;  // of each, but for what is its own
     std::string environment_name;
@@ -109,6 +109,11 @@ class EpisodePlayers {
     std::uint64_t run_seed = 0;
   };
   explicit EpisodePlayers(Parts parts);
+
+  // Parts of a run's evaluation: what plays it.
+  enum class Who { kPlanner, kEvaluationPlanner, kActor };
+  static Parts PartsOf(const RunSpec& spec, const Components& components, Who who,
+                       JointModel* model, const std::vector<EnvironmentPtr>* environments);
 
   // Plays the course to its end. env_step: environment steps of training behind the agent.
   void Play(const EpisodeCourse& course, std::uint64_t env_step);

@@ -88,6 +88,20 @@ void PrintParameters(const std::string& key, const std::vector<ParameterInfo>& p
   table.Print(std::cout);
 }
 
+// "learns, default": what a component declares of itself.
+std::string TraitsText(const ComponentInfo& component) {
+  constexpr std::pair<Trait, const char*> kNames[] = {{kSearches, "searches"},
+                                                      {kActorAlone, "the actor alone"},
+                                                      {kLearns, "learns"},
+                                                      {kNeedsEnvironment, "needs an environment"},
+                                                      {kDefault, "taken if none is named"}};
+  std::vector<std::string> names;
+  for (const auto& [trait, name] : kNames) {
+    if (component.Has(trait)) names.emplace_back(name);
+  }
+  return JoinNames(names);
+}
+
 void PrintComponent(const ComponentInfo& component) {
   const PluginInfo& plugin = component.plugin;
   std::cout << ComponentKindName(component.kind) << ' ' << component.name << ' '
@@ -95,7 +109,8 @@ void PrintComponent(const ComponentInfo& component) {
             << WrapText(component.summary, kWidth, 2) << '\n';
   TextTable facts(2);
   if (!component.aliases.empty()) facts.Row({"also called", JoinNames(component.aliases)});
-  if (component.needs_environment) facts.Row({"needs", "an environment of its own"});
+  const std::string traits = TraitsText(component);
+  if (!traits.empty()) facts.Row({"traits", traits});
   facts.Row({"plugin", plugin.name + " " + plugin.version + ", SDK " +
                            std::to_string(plugin.sdk_major) + "." +
                            std::to_string(plugin.sdk_minor)});

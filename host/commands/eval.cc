@@ -13,6 +13,7 @@
 #include "host/processes/sweep.h"
 #include "host/processes/trained_run.h"
 #include "results/system/error.h"
+#include "results/system/names.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
@@ -40,13 +41,15 @@ std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
     what.env_step = trained.env_step;
     what.agent_sha256 = trained.agent_sha256;
     if (evaluation.model.name() == spec.model.name()) continue;
-    if (!evaluation.model.info->needs_environment) {
-      throw Failure(ExitCode::kUsage,
-                    "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
-                        RunName(trained) + ", whose model is " + spec.model.name() +
-                        ". Expected that, or a model on true dynamics such as oracle");
+    if (!evaluation.model.Has(kNeedsEnvironment)) {
+      throw Failure(
+          ExitCode::kUsage,
+          "--model: '" + evaluation.model.name() + "' cannot take the agent of " +
+              RunName(trained) + ", whose model is " + spec.model.name() +
+              ". Expected that, or a model on true dynamics: " +
+              JoinNames(trained.catalogue.NamesOf(ComponentKind::kModel, kNeedsEnvironment)));
     }
-    if (spec.model.info->needs_environment) {
+    if (spec.model.Has(kNeedsEnvironment)) {
       throw Failure(ExitCode::kUsage, "--model: " + RunName(trained) +
                                           " trained no actor and critic for '" +
                                           evaluation.model.name() + "': its own model is '" +
@@ -61,11 +64,12 @@ std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
                                                 const Catalogue& catalogue) {
   std::vector<RunSpec> evaluations = ResolveMatrix(options, catalogue);
   for (RunSpec& evaluation : evaluations) {
-    if (!evaluation.model.info->needs_environment) {
+    if (evaluation.model.Has(kLearns)) {
       throw Failure(ExitCode::kUsage,
                     "--model: '" + evaluation.model.name() +
                         "' learns, so it needs a trained run: runner eval RUN --planner ...; "
-                        "without one expected a model such as oracle");
+                        "without one expected a model that does not, " +
+                        catalogue.DefaultModel(false)->name + " unless named");
     }
     evaluation.evaluation.emplace();
   }

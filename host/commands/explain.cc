@@ -16,7 +16,6 @@
 #include "host/processes/question.h"
 #include "host/processes/sweep.h"
 #include "host/processes/trained_run.h"
-#include "host/settings/schedule.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
 #include "results/system/error.h"
@@ -209,11 +208,11 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
   const RunSpec& spec = subject.spec;
   const std::string name =
       "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";
-  if (!training && spec.planner.name() == kActorPlanner) {
-    throw Failure(ExitCode::kUsage, name +
-                                        " plays the actor's mode and searches nothing: "
-                                        "there is no tree. `runner eval` evaluates it under "
-                                        "a planner, and that run can be explained");
+  if (!training && !spec.planner.Has(kSearches)) {
+    throw Failure(ExitCode::kUsage, name + " plays without search: planner '" +
+                                        spec.planner.name() +
+                                        "' makes no tree. `runner eval` evaluates it under a "
+                                        "planner that searches, and that run can be explained");
   }
   const std::uint64_t episodes = spec.run.Integer("eval_episodes");
   if (!training && static_cast<std::uint64_t>(episode) >= episodes) {

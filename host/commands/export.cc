@@ -113,7 +113,7 @@ int ExportModelMain() {
     const Components components(spec);
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentPtr own_environment =
-        components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+        spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
     const ModelPtr model = components.MakeModel(environment->spec(), 1, own_environment.get());
     const CheckpointSections sections =
         ReadCheckpointFile(question.at("checkpoint").get<std::string>());

@@ -606,7 +606,6 @@ Options ParseOptions(const std::vector<std::string>& arguments) {
   if (options.planners.empty()) Usage("runner: expected a planner, --planner NAME" + hint);
   if (options.study.empty()) Usage("runner: --study: expected a name, found nothing");
   if (!IsUtf8(options.study)) Usage("runner: --study: expected a name in UTF-8");
-  if (options.models.empty()) options.models = {"dreamer"};
   if (options.seeds.empty()) options.seeds = {0};
   return options;
 }
@@ -661,7 +660,6 @@ EvaluationOptions ParseEvaluationOptions(const std::vector<std::string>& argumen
     options.study = given.contains("study") ? given["study"].as<std::string>() : "default";
     if (options.study.empty()) Usage(command + ": --study: expected a name, found nothing");
     if (!IsUtf8(options.study)) Usage(command + ": --study: expected a name in UTF-8");
-    if (options.models.empty()) options.models = {"oracle"};
     if (options.seeds.empty()) options.seeds = {0};
   } else {
     for (const char* flag : {"env", "seeds", "seed-list", "study"}) {

@@ -33,9 +33,11 @@ int StatusCommand(const std::vector<std::string>& arguments) {
     return 0;
   }
   std::size_t label_width = 0;
-  const auto label = [](const results::RunInfo& run) {
+  const bool models_differ = std::any_of(
+      runs.begin(), runs.end(), [&](const auto& run) { return run.model != runs.front().model; });
+  const auto label = [&](const results::RunInfo& run) {
     std::string text = run.task + " " + run.planner;
-    if (run.model != "dreamer") text += " on " + run.model;
+    if (models_differ) text += " on " + run.model;
     text += " seed " + std::to_string(run.seed);
     if (run.parent_run_id) text += ", evaluation of " + std::to_string(*run.parent_run_id);
     return text;

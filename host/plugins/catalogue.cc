@@ -57,7 +57,7 @@ ComponentInfo DescribeComponent(const ComponentDescriptor& component) {
   info.aliases = SplitList(TextOrEmpty(component.aliases), ',');
   info.version = component.version;
   info.summary = component.summary;
-  info.needs_environment = component.needs_environment;
+  info.traits = component.traits;
   for (const ParameterSpec& spec : component.parameters) {
     info.parameters.push_back(DescribeParameter(spec));
   }
@@ -416,7 +416,7 @@ Json ToJson(const ComponentInfo& component) {
           {"aliases", component.aliases},
           {"version", component.version},
           {"summary", component.summary},
-          {"needs_environment", component.needs_environment},
+          {"traits", component.traits},
           {"parameters", parameters},
           {"metrics", metrics},
           {"plugin",
@@ -435,7 +435,7 @@ ComponentInfo ComponentInfoFromJson(const Json& json) {
   json.at("aliases").get_to(info.aliases);
   json.at("version").get_to(info.version);
   json.at("summary").get_to(info.summary);
-  json.at("needs_environment").get_to(info.needs_environment);
+  json.at("traits").get_to(info.traits);
   for (const Json& item : json.at("parameters")) {
     ParameterInfo p;
     item.at("name").get_to(p.name);
@@ -566,6 +566,32 @@ std::shared_ptr<const ComponentInfo> Catalogue::Find(ComponentKind kind,
     message += " Refused: " + JoinNames(refused) + " (`runner list` says why).";
   }
   throw Failure(ExitCode::kNotFound, message);
+}
+
+std::shared_ptr<const ComponentInfo> Catalogue::DefaultModel(bool learns) const {
+  std::vector<std::string> found;
+  for (const std::string& name : NamesOf(ComponentKind::kModel, kDefault)) {
+    if (Find(ComponentKind::kModel, name)->Has(kLearns) == learns) found.push_back(name);
+  }
+  if (found.size() == 1) return Find(ComponentKind::kModel, found.front());
+  if (found.empty()) {
+    throw Failure(ExitCode::kNotFound, "no plugin in " + FolderNames(folders_) +
+                                           " has a model that is taken where " +
+                                           "none is named; expected --model NAME. Known: " +
+                                           JoinNames(NamesOf(ComponentKind::kModel)) + ".");
+  }
+  throw Failure(ExitCode::kUsage, "expected --model NAME: " + JoinNames(found) +
+                                      " each declare that they are taken where none is named");
+}
+
+std::vector<std::string> Catalogue::NamesOf(ComponentKind kind, std::uint32_t traits) const {
+  std::vector<std::string> names;
+  for (const auto& component : components_) {
+    if (component->kind == kind && (component->traits & traits) == traits) {
+      names.push_back(component->name);
+    }
+  }
+  return names;
 }
 
 std::vector<std::filesystem::path> PluginFolders(const std::vector<std::string>& first) {

@@ -62,10 +62,12 @@ struct ComponentInfo {
   std::vector<std::string> aliases;
   std::string version;
   std::string summary;
-  bool needs_environment = false;
+  std::uint32_t traits = 0;
   std::vector<ParameterInfo> parameters;
   std::vector<MetricInfo> metrics;
   PluginInfo plugin;
+
+  bool Has(Trait trait) const { return (traits & trait) != 0; }
 };
 
 // Copies a declaration that passed the loader's checks.
@@ -104,6 +106,15 @@ class Catalogue {
   //                   library is called so, its refusal is thrown instead.
   //   kPluginRefused  two plugins of one folder offer it.
   std::shared_ptr<const ComponentInfo> Find(ComponentKind kind, std::string_view name) const;
+
+  // The model of a command that names none: the one that declares kDefault, of those that
+  // learn or of those that do not.
+  //   kNotFound       no plugin has one; the message lists what there is to name.
+  //   kUsage          several have; it lists them.
+  std::shared_ptr<const ComponentInfo> DefaultModel(bool learns) const;
+
+  // The names of the components of that kind that have all of these traits.
+  std::vector<std::string> NamesOf(ComponentKind kind, std::uint32_t traits = 0) const;
 
   // Sorted by kind, then name.
   const std::vector<std::shared_ptr<const ComponentInfo>>& components() const {

@@ -15,9 +15,10 @@ std::uint64_t FirstNotFinite(const double* data, std::uint64_t size) {
 
 }  // namespace
 
-ModelProxy::ModelProxy(LatentModel* model, std::string name)
+ModelProxy::ModelProxy(LatentModel* model, std::string name, bool searches)
     : model_(model),
       name_(std::move(name)),
+      searches_(searches),
       latent_bytes_(model->latent_bytes()),
       action_size_(model->action_size()) {}
 
@@ -26,7 +27,16 @@ Status ModelProxy::Keep(Status status) noexcept {
   return status;
 }
 
+Status ModelProxy::KeepFailure(const char* call, const Status& status) noexcept {
+  return Keep(Error(status.code, "model '%s' %s: %s", name_.c_str(), call, status.message));
+}
+
 Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept {
+  if (!searches_) {
+    return Keep(Error(StatusCode::kFailedPrecondition,
+                      "model '%s': Imagine was called by a planner that does not declare kSearches",
+                      name_.c_str()));
+  }
   const std::uint64_t rows = request.latents.rows;
   if (request.latents.cols != latent_bytes_ || request.actions.rows != rows ||
       request.actions.cols != action_size_ || request.seeds.size != rows ||
@@ -44,7 +54,7 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
   }
   transitions_ += rows;
   const Status status = model_->Imagine(request, result);
-  if (!status.ok()) return Keep(status);
+  if (!status.ok()) return KeepFailure("Imagine", status);
   if (const std::uint64_t i = FirstNotFinite(result.rewards.data, rows); i != rows) {
     return Keep(Error(StatusCode::kNotFinite, "model '%s': imagined reward %g is not finite",
                       name_.c_str(), result.rewards[i]));
@@ -63,7 +73,7 @@ Status ModelProxy::Value(ConstLatents latents, const ValueResult& result) noexce
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
   const Status status = model_->Value(latents, result);
-  if (!status.ok()) return Keep(status);
+  if (!status.ok()) return KeepFailure("Value", status);
   const struct {
     const char* what;
     View<double> values;
@@ -87,7 +97,7 @@ Status ModelProxy::ProposeMode(ConstLatents latents, MatrixView<double> actions)
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
   const Status status = model_->ProposeMode(latents, actions);
-  if (!status.ok()) return Keep(status);
+  if (!status.ok()) return KeepFailure("ProposeMode", status);
   if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
     return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
                       name_.c_str()));
@@ -104,7 +114,7 @@ Status ModelProxy::ProposeSamples(ConstLatents latents, View<const std::uint64_t
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
   const Status status = model_->ProposeSamples(latents, seeds, actions);
-  if (!status.ok()) return Keep(status);
+  if (!status.ok()) return KeepFailure("ProposeSamples", status);
   if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
     return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
                       name_.c_str()));

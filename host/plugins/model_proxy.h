@@ -14,8 +14,9 @@ namespace dreamsearch {
 
 class ModelProxy final : public LatentModel {
  public:
-  // `name` is the model's, for messages. The model must outlive the proxy.
-  ModelProxy(LatentModel* model, std::string name);
+  // `name` is the model's, for messages. The model must outlive the proxy. Imagine is a
+  // fault unless the planner declares that it searches.
+  ModelProxy(LatentModel* model, std::string name, bool searches);
 
   std::uint64_t latent_bytes() const noexcept override { return latent_bytes_; }
   std::uint64_t action_size() const noexcept override { return action_size_; }
@@ -32,9 +33,12 @@ class ModelProxy final : public LatentModel {
 
  private:
   Status Keep(Status status) noexcept;
+  // A call that the model itself refused, with its name.
+  Status KeepFailure(const char* call, const Status& status) noexcept;
 
   LatentModel* model_;
   std::string name_;
+  bool searches_;
   std::uint64_t latent_bytes_;
   std::uint64_t action_size_;
   std::uint64_t transitions_ = 0;

@@ -242,9 +242,7 @@ class Checker {
       Refuse(what + ": expected create_" + kind + " and no other factory, found" +
              (found.empty() ? " none" : found));
     }
-    if (component.needs_environment && !model) {
-      Refuse(what + ": needs_environment is for models only, found it on a " + kind);
-    }
+    CheckTraits(what, component);
     CheckText(what + "'s aliases", component.aliases, false);
     CheckText(what + "'s version", component.version, true);
     CheckText(what + "'s summary", component.summary, true);
@@ -267,6 +265,18 @@ class Checker {
       }
       CheckText(what + ", metric '" + metric.name + "': its unit", metric.unit, false);
       CheckText(what + ", metric '" + metric.name + "': its help", metric.help, false);
+    }
+  }
+
+  void CheckTraits(const std::string& what, const ComponentDescriptor& component) const {
+    const std::uint32_t allowed = TraitsOf(component.kind);
+    if ((component.traits & ~allowed) != 0) {
+      Refuse(what + ": expected no traits but those of a " + ComponentKindName(component.kind) +
+             ", bits of " + std::to_string(allowed) + ", found " +
+             std::to_string(component.traits));
+    }
+    if ((component.traits & kSearches) != 0 && (component.traits & kActorAlone) != 0) {
+      Refuse(what + ": expected kSearches or kActorAlone, found both");
     }
   }
 

@@ -57,17 +57,16 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   costs.environment_step = SecondsOf(0.1, act);
 
   const EnvironmentPtr model_environment =
-      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+      spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
   const ModelPtr model = components.MakeModel(figures, 1, model_environment.get());
   const PlannerPtr planner = components.MakePlanner(*model);
   Agent::Parts parts;
   parts.model = model.get();
   parts.model_name = spec.model.name();
   parts.planner = planner.get();
-  parts.planner_name = spec.planner.name();
-  parts.metrics = components.planner().metrics.size;
+  parts.SetPlanner(spec.planner);
   parts.environment = environment;
-  parts.model_needs_environment = components.model().needs_environment;
+  parts.model_needs_environment = spec.model.Has(kNeedsEnvironment);
   Agent explorer(parts);
   explorer.BeginEpisode(Phase::kTraining, 0);
   costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
@@ -80,19 +79,17 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
       std::min({affordable, static_cast<double>(EpisodePlayers::kMost),
                 static_cast<double>(spec.run.Integer("eval_episodes"))}));
   JointModel joint(model.get(), together);
-  const auto evaluation_decision = [&](bool search) {
-    std::vector<PlannerPtr> planners;
+  const std::vector<EnvironmentPtr> environments;  // every agent sees the one of above
+  const auto evaluation_decision = [&](EpisodePlayers::Who who) {
+    const EpisodePlayers::Parts players =
+        EpisodePlayers::PartsOf(spec, components, who, &joint, &environments);
     std::vector<std::unique_ptr<Agent>> agents;
-    parts.planner = nullptr;
-    parts.planner_name = spec.eval_planner.name();
-    parts.metrics = search ? components.evaluation_planner().metrics.size : 0;
     for (std::size_t i = 0; i < joint.seats(); ++i) {
-      parts.model = joint.seat(i);
-      if (search) {
-        planners.push_back(components.MakeEvaluationPlanner(*model));
-        parts.planner = planners.back().get();
-      }
-      agents.push_back(std::make_unique<Agent>(parts));
+      Agent::Parts player = players.agent;
+      player.model = joint.seat(i);
+      player.planner = players.planners[i].get();
+      player.environment = environment;
+      agents.push_back(std::make_unique<Agent>(player));
       agents.back()->BeginEpisode(Phase::kEvaluation, i);
     }
     EpisodeFaults faults;
@@ -108,8 +105,13 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
     });
     return seconds / static_cast<double>(agents.size());
   };
-  costs.search_evaluation_decision = evaluation_decision(true);
-  costs.actor_evaluation_decision = evaluation_decision(false);
+  const double planned = evaluation_decision(EpisodePlayers::Who::kEvaluationPlanner);
+  if (spec.eval_planner.Has(kActorAlone)) {
+    costs.actor_evaluation_decision = planned;
+  } else {
+    costs.search_evaluation_decision = planned;
+    costs.actor_evaluation_decision = evaluation_decision(EpisodePlayers::Who::kActor);
+  }
 
   const std::uint64_t length = spec.run.Integer("sequence_length");
   Replay replay(figures.observation_size, figures.action_size, 2 * length + 2);
@@ -123,20 +125,16 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
       static_cast<double>(replay.Save().size()) / static_cast<double>(replay.rows());
   std::vector<double> metrics(components.model().metrics.size);
   std::uint64_t update = 0;
-  bool learns = true;
-  const double seconds = SecondsOf(0.5, [&] {
-    TrainRequest request;
-    request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
-    request.seed = update;
-    request.update = update++;
-    const Status status = model->Train(request, {metrics.data(), metrics.size()});
-    if (status.code == StatusCode::kUnimplemented) {
-      learns = false;
-    } else {
-      ThrowUnlessOk(status, "model '" + spec.model.name() + "' Train");
-    }
-  });
-  costs.update = learns ? seconds : 0;
+  if (spec.model.Has(kLearns)) {
+    costs.update = SecondsOf(0.5, [&] {
+      TrainRequest request;
+      request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
+      request.seed = update;
+      request.update = update++;
+      ThrowUnlessOk(model->Train(request, {metrics.data(), metrics.size()}),
+                    "model '" + spec.model.name() + "' Train");
+    });
+  }
   StringSink saved;
   ThrowUnlessOk(model->Save(&saved), "model '" + spec.model.name() + "' Save");
   costs.checkpoint_bytes = static_cast<double>(saved.bytes.size());
@@ -144,9 +142,10 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
 }
 
 // As the run will make them.
-void MakeComponents(const Components& components, const EnvironmentSpec& figures) {
+void MakeComponents(const RunSpec& spec, const Components& components,
+                    const EnvironmentSpec& figures) {
   const EnvironmentPtr model_environment =
-      components.model().needs_environment ? components.MakeEnvironment() : nullptr;
+      spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
   const ModelPtr behaviour = components.MakeBehaviour(figures, 1);
   const ModelPtr model = components.MakeModel(figures, 1, model_environment.get(), behaviour.get());
   components.MakePlanner(*model);
@@ -171,7 +170,7 @@ int ProbeMain() {
     task["return_low"] = figures.return_low;
     task["return_high"] = figures.return_high;
     const auto depth = question.at("depth").get<ProbeDepth>();
-    if (depth == ProbeDepth::kComponents) MakeComponents(components, figures);
+    if (depth == ProbeDepth::kComponents) MakeComponents(spec, components, figures);
     if (depth == ProbeDepth::kCosts) {
       const RunCosts costs = MeasureCosts(spec, components, environment.get());
       answer["costs"] = {costs.environment_step,
@@ -236,7 +235,7 @@ RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
       count(schedule.evaluations() * spec.run.Integer("eval_episodes") *
             schedule.decisions_per_episode());
   const double evaluation_steps = evaluation_decisions * spec.action_repeat();
-  const bool search = spec.eval_planner.name() != kActorPlanner;
+  const bool search = !spec.eval_planner.Has(kActorAlone);
   RunEstimate estimate;
   estimate.seconds = count(spec.steps()) * costs.environment_step +
                      count(schedule.planned_decisions()) * costs.training_decision +

@@ -214,7 +214,8 @@ results::RunKey KeyOf(const RunSpec& spec) {
 std::string RunLabel(const RunSpec& spec) {
   std::string label = spec.evaluation ? "evaluation of " : "";
   label += spec.environment.name() + " " + spec.planner.name();
-  if (spec.model.name() != "dreamer") label += " on " + spec.model.name();
+  const bool unnamed = spec.model.Has(kDefault) && spec.model.Has(kLearns);
+  if (!unnamed) label += " on " + spec.model.name();
   return label + " seed " + std::to_string(spec.seed);
 }
 

@@ -16,7 +16,8 @@
 
 namespace dreamsearch {
 
-// "walker_walk mcts_pw seed 0", with the model where it is not `dreamer`; an
+// "walker_walk mcts_pw seed 0", with the model where it is not what a training takes
+// if none is named; an
 // evaluation says so.
 std::string RunLabel(const RunSpec& spec);
 

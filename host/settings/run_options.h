@@ -39,7 +39,7 @@ struct Options {
   bool version = false;  // likewise
   std::vector<std::string> environments;
   std::vector<std::string> planners;
-  std::vector<std::string> models;
+  std::vector<std::string> models;   // empty: Catalogue::DefaultModel
   std::string eval_planner;          // empty: the run's own
   std::vector<std::uint64_t> seeds;  // each once, in the order given
   std::string study = "default";

@@ -10,10 +10,6 @@
 
 namespace dreamsearch {
 
-// The planner that is the actor alone: evaluating it with and without search is
-// one and the same.
-inline constexpr const char* kActorPlanner = "dreamer";
-
 class Schedule {
  public:
   // episode_steps: environment steps of an episode of the task.

@@ -185,7 +185,9 @@ class Resolver {
     Add(nullptr, &run_parameters_, true);
     environments_ = AddAll(catalogue, ComponentKind::kEnvironment, "env", options.environments);
     planners_ = AddAll(catalogue, ComponentKind::kPlanner, "planner", options.planners);
-    models_ = AddAll(catalogue, ComponentKind::kModel, "model", options.models);
+    std::vector<std::string> models = options.models;
+    if (models.empty()) models = {catalogue.DefaultModel(!options.evaluate)->name};
+    models_ = AddAll(catalogue, ComponentKind::kModel, "model", models);
     if (!options.eval_planner.empty()) {
       const auto info = catalogue.Find(ComponentKind::kPlanner, options.eval_planner);
       for (const std::size_t i : planners_) {

@@ -50,6 +50,7 @@ struct ResolvedComponent {
   ResolvedValues parameters;
 
   const std::string& name() const { return info->name; }
+  bool Has(Trait trait) const { return info->Has(trait); }
 };
 
 // What `runner eval` plays, instead of training.

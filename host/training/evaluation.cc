@@ -11,7 +11,6 @@
 #include "host/acting/activity_clock.h"
 #include "host/plugins/catalogue.h"
 #include "host/saving/byte_buffer.h"
-#include "host/settings/schedule.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
@@ -26,7 +25,7 @@ EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& 
     environments_.push_back(components.MakeEnvironment());
   }
   const EnvironmentSpec& task = environments_.front()->spec();
-  if (components.model().needs_environment) model_environment_ = components.MakeEnvironment();
+  if (spec.model.Has(kNeedsEnvironment)) model_environment_ = components.MakeEnvironment();
   behaviour_ = components.MakeBehaviour(task, model_threads);
   model_ = components.MakeModel(task, model_threads, model_environment_.get(), behaviour_.get());
   if (behaviour_ != nullptr) {
@@ -35,22 +34,8 @@ EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& 
     LoadModel(agent, spec.model.name(), model_.get());
   }
   joint_ = std::make_unique<JointModel>(model_.get(), episodes);
-  EpisodePlayers::Parts parts;
-  parts.model = joint_.get();
-  parts.environments = &environments_;
-  parts.agent.model_name = spec.model.name();
-  parts.agent.model_needs_environment = components.model().needs_environment;
-  parts.environment_name = spec.environment.name();
-  parts.action_repeat = spec.action_repeat();
-  parts.run_seed = spec.seed;
-  if (spec.planner.name() != kActorPlanner) {
-    for (std::size_t i = 0; i < episodes; ++i) {
-      parts.planners.push_back(components.MakePlanner(*model_));
-    }
-    parts.agent.planner_name = spec.planner.name();
-    parts.agent.metrics = components.planner().metrics.size;
-  }
-  players_ = std::make_unique<EpisodePlayers>(std::move(parts));
+  players_ = std::make_unique<EpisodePlayers>(EpisodePlayers::PartsOf(
+      spec, components, EpisodePlayers::Who::kPlanner, joint_.get(), &environments_));
 }
 
 CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
@@ -145,7 +130,6 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
       writer_(writer),
       folder_(std::move(folder)),
       components_(spec_) {
-  if (spec_.planner.name() == kActorPlanner) return;  // the actor alone has no metrics
   for (const MetricSpec& metric : components_.planner().metrics) {
     metric_ids_.push_back(
         writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
@@ -241,8 +225,8 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       Played played = std::move(playing[index]);
       playing.erase(index);
       played.row = row;
-      played.row.phase = spec_.planner.name() == kActorPlanner ? results::Phase::kActorEvaluation
-                                                               : results::Phase::kSearchEvaluation;
+      played.row.phase = spec_.planner.Has(kActorAlone) ? results::Phase::kActorEvaluation
+                                                        : results::Phase::kSearchEvaluation;
       played.row.episode = static_cast<std::int64_t>(index);
       played.row.env_step = static_cast<std::int64_t>(env_step());
       stage.Deliver(index, std::move(played));

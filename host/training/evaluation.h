@@ -5,7 +5,7 @@
 // run's own planner plays here the very episodes of its last evaluation. Each thread has
 // a model of its own and plays a group of episodes side by side (episode.h); they are
 // recorded in their order, and neither threads nor groups change anything but the time.
-// The planner `dreamer` is the actor alone and recorded as such (results::Phase).
+// A planner that declares kActorAlone is recorded as the actor alone (results::Phase).
 //
 // A checkpoint follows every recorded episode; a resume goes on with the next.
 // Errors   Failure, that of the first episode that has a fault: 72 when something is not

@@ -35,8 +35,8 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       target_(spec.steps()),
       components_(spec_),
       environment_(components_.MakeEnvironment()),
-      model_environment_(components_.model().needs_environment ? components_.MakeEnvironment()
-                                                               : nullptr),
+      model_environment_(spec_.model.Has(kNeedsEnvironment) ? components_.MakeEnvironment()
+                                                            : nullptr),
       model_(components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
@@ -52,10 +52,9 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   parts.model = model_.get();
   parts.model_name = spec_.model.name();
   parts.planner = planner_.get();
-  parts.planner_name = spec_.planner.name();
-  parts.metrics = components_.planner().metrics.size;
+  parts.SetPlanner(spec_.planner);
   parts.environment = environment_.get();
-  parts.model_needs_environment = components_.model().needs_environment;
+  parts.model_needs_environment = spec_.model.Has(kNeedsEnvironment);
   parts.run_seed = spec_.seed;
   agent_ = std::make_unique<Agent>(parts);
 
@@ -65,26 +64,16 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
     evaluation_environments_.push_back(components_.MakeEnvironment());
   }
   joint_model_ = std::make_unique<JointModel>(model_.get(), together);
-  const auto players = [&](bool search) {
-    EpisodePlayers::Parts evaluation;
-    evaluation.model = joint_model_.get();
-    evaluation.environments = &evaluation_environments_;
-    evaluation.agent.model_name = spec_.model.name();
-    evaluation.agent.model_needs_environment = components_.model().needs_environment;
-    evaluation.environment_name = spec_.environment.name();
-    evaluation.action_repeat = spec_.action_repeat();
-    evaluation.run_seed = spec_.seed;
-    if (search) {
-      for (std::uint64_t i = 0; i < together; ++i) {
-        evaluation.planners.push_back(components_.MakeEvaluationPlanner(*model_));
-      }
-      evaluation.agent.planner_name = spec_.eval_planner.name();
-      evaluation.agent.metrics = components_.evaluation_planner().metrics.size;
-    }
-    return std::make_unique<EpisodePlayers>(std::move(evaluation));
+  const auto players = [&](EpisodePlayers::Who who) {
+    return std::make_unique<EpisodePlayers>(EpisodePlayers::PartsOf(
+        spec_, components_, who, joint_model_.get(), &evaluation_environments_));
   };
-  if (spec_.eval_planner.name() != kActorPlanner) search_players_ = players(true);
-  actor_players_ = players(false);
+  if (spec_.eval_planner.Has(kActorAlone)) {
+    actor_players_ = players(EpisodePlayers::Who::kEvaluationPlanner);
+  } else {
+    search_players_ = players(EpisodePlayers::Who::kEvaluationPlanner);
+    actor_players_ = players(EpisodePlayers::Who::kActor);
+  }
 
   const std::uint64_t episode_steps = environment_->spec().episode_steps;
   plan_us_.reserve(episode_steps);
@@ -303,7 +292,7 @@ void Experiment::FinishEpisode() {
   // What the episode earned in updates.
   const auto prefill = spec_.run.Integer("prefill_steps");
   const auto train_every = spec_.run.Integer("train_every");
-  if (at_.env_step >= prefill) {
+  if (at_.env_step >= prefill && spec_.model.Has(kLearns)) {
     if (at_.pretrained == 0) {
       at_.pretrained = 1;
       at_.pending_updates = spec_.run.Integer("pretrain_updates");
@@ -336,10 +325,6 @@ void Experiment::MakeUpdate() {
   request.update = at_.updates;
   request.environment_step = at_.env_step;
   const Status status = model_->Train(request, {metrics_.data(), metrics_.size()});
-  if (status.code == StatusCode::kUnimplemented) {  // nothing to learn, an oracle
-    at_.pending_updates = 0;
-    return;
-  }
   const std::string what =
       "model '" + spec_.model.name() + "' update " + std::to_string(at_.updates);
   ThrowUnlessOk(status, what);

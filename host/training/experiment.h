@@ -139,7 +139,7 @@ class Experiment final : public Procedure {
   PlannerPtr planner_;
   std::unique_ptr<Agent> agent_;
   std::unique_ptr<JointModel> joint_model_;         // as the evaluations' episodes see it
-  std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is `dreamer`
+  std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is the actor alone
   std::unique_ptr<EpisodePlayers> actor_players_;
   Replay replay_;
   const std::uint64_t eval_every_;  // environment steps

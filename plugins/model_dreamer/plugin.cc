@@ -10,6 +10,7 @@ using dreamsearch::ComponentKind;
 
 const ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kModel,
+    .traits = dreamsearch::kLearns | dreamsearch::kDefault,
     .name = "dreamer",
     .version = DREAMSEARCH_VERSION,
     .summary = "recurrent state-space model with actor and critic trained in its dreams",

@@ -371,7 +371,7 @@ Status CreateOracle(const ModelContext& context, Model** result) noexcept {
 
 constexpr ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kModel,
-    .needs_environment = true,
+    .traits = kNeedsEnvironment | kDefault,
     .name = "oracle",
     .version = "1.0.0",
     .summary = "The simulator itself as the model; proposal and value from a trained run or none",

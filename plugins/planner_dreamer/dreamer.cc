@@ -90,6 +90,7 @@ class Dreamer final : public Planner {
 
 constexpr ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kPlanner,
+    .traits = kActorAlone,
     .name = "dreamer",
     .version = "1.0.0",
     .summary = "The actor's mode action, with noise when exploring; no search",

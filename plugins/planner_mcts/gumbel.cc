@@ -207,6 +207,7 @@ class Gumbel final : public TreePlanner {
 
 constexpr ComponentDescriptor kMctsGumbel = {
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "mcts_gumbel",
     .version = "1.0.0",
     .summary = "Tree search with Gumbel root selection and sequential halving over sampled actions",

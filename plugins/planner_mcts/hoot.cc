@@ -194,6 +194,7 @@ class Hoot final : public TreePlanner {
 
 constexpr ComponentDescriptor kHoot = {
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "hoot",
     .version = "1.0.0",
     .summary = "Tree search with hierarchical optimistic optimisation over the actions of a node",

@@ -257,6 +257,7 @@ class Rollout final : public Planner {
 
 constexpr ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "rollout",
     .version = "1.0.0",
     .summary = "Many first actions, each followed by the actor; plays the best lambda-return",

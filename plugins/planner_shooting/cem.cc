@@ -121,6 +121,7 @@ class Cem final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kCem = {
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "cem",
     .version = "1.0.0",
     .summary = "Cross-entropy method over action sequences, with PlaNet's settings",

@@ -206,6 +206,7 @@ class Mppi final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kMppi = {
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "mppi",
     .version = "1.0.0",
     .summary = "Path integral control with actor proposals, bootstrap and warm start (TD-MPC2)",

@@ -54,6 +54,7 @@ class RandomShooting final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kRandomShooting = {
     .kind = ComponentKind::kPlanner,
+    .traits = kSearches,
     .name = "random_shooting",
     .version = "1.0.0",
     .summary = "Plays the first action of the best of many uniformly random sequences",

@@ -144,6 +144,7 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
     line.task = group.task;
     line.label = group.label;
     line.planner = group.planner;
+    line.planner_rank = group.planner_rank;
     line.binned = binned;
     line.return_low = group.return_low;
     line.return_high = group.return_high;

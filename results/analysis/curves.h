@@ -43,6 +43,7 @@ struct Line {
   std::string task;
   std::string label;    // RunGroup::label
   std::string planner;  // empty for a published line
+  std::size_t planner_rank = 0;
   bool published = false;
   bool with_search = false;  // phase 1 rather than 2 or 0
   bool binned = false;       // points are bins rather than evaluations

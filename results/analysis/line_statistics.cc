@@ -173,7 +173,7 @@ std::vector<std::string> OrderedLabels(const std::vector<Line>& lines) {
   for (const Line& line : lines) sorted.push_back(&line);
   std::stable_sort(sorted.begin(), sorted.end(), [](const Line* a, const Line* b) {
     if (a->published != b->published) return b->published;
-    if (a->planner != b->planner) return PlannerBefore(a->planner, b->planner);
+    if (a->planner_rank != b->planner_rank) return a->planner_rank < b->planner_rank;
     return a->label < b->label;
   });
   std::vector<std::string> labels;

@@ -1,7 +1,6 @@
 #include "results/analysis/run_groups.h"
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -16,11 +15,28 @@
 namespace dreamsearch::results {
 namespace {
 
-constexpr std::array kPaperOrder = {"dreamer", "rollout", "mcts_pw", "mcts_fixed"};
-
-std::size_t PaperRank(const std::string& planner) {
-  return static_cast<std::size_t>(std::find(kPaperOrder.begin(), kPaperOrder.end(), planner) -
-                                  kPaperOrder.begin());
+// Place of each planner in the order in which they were first recorded, whatever the filter:
+// so a planner has the same place, and the same colour, in every figure of these databases.
+std::map<std::string, std::size_t> PlannerRanks(
+    const std::vector<std::unique_ptr<Database>>& databases) {
+  // Of one moment the databases' order and the runs' numbers decide.
+  using First = std::tuple<std::string, std::size_t, std::int64_t>;
+  std::map<std::string, First> firsts;
+  for (std::size_t i = 0; i < databases.size(); ++i) {
+    Statement rows = databases[i]->connection().Prepare(
+        "SELECT planner, min(created_utc), run_id FROM run GROUP BY planner");
+    while (rows.Step()) {
+      const First first(rows.Text(1), i, rows.Int(2));
+      const auto [found, added] = firsts.emplace(rows.Text(0), first);
+      if (!added) found->second = std::min(found->second, first);
+    }
+  }
+  std::vector<std::pair<First, std::string>> order;
+  for (const auto& [planner, first] : firsts) order.emplace_back(first, planner);
+  std::sort(order.begin(), order.end());
+  std::map<std::string, std::size_t> ranks;
+  for (const auto& [first, planner] : order) ranks.emplace(planner, ranks.size());
+  return ranks;
 }
 
 bool IsEvaluation(const RunInfo& run) {
@@ -66,10 +82,6 @@ CurvePhase ParseCurvePhase(const std::string& name) {
                 "no phase '" + name +
                     "'. Known: evaluation (search where there is one, else actor), "
                     "training (0), search (1), actor (2)");
-}
-
-bool PlannerBefore(const std::string& a, const std::string& b) {
-  return std::pair(PaperRank(a), a) < std::pair(PaperRank(b), b);
 }
 
 std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) {
@@ -164,16 +176,10 @@ std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databas
 }
 
 std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
-  std::vector<std::pair<std::string, std::string>> labels;  // planner, label
-  for (const RunGroup& group : groups) {
-    const std::pair item(group.planner, group.label);
-    if (std::find(labels.begin(), labels.end(), item) == labels.end()) labels.push_back(item);
-  }
-  std::stable_sort(labels.begin(), labels.end(), [](const auto& a, const auto& b) {
-    return a.first != b.first ? PlannerBefore(a.first, b.first) : a.second < b.second;
-  });
+  std::set<std::pair<std::size_t, std::string>> labels;
+  for (const RunGroup& group : groups) labels.emplace(group.planner_rank, group.label);
   std::vector<std::string> ordered;
-  for (const auto& [planner, label] : labels) ordered.push_back(label);
+  for (const auto& [rank, label] : labels) ordered.push_back(label);
   return ordered;
 }
 
@@ -215,7 +221,8 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
   for (const GroupedRun& item : all) runs.push_back(&item.run);
   const std::vector<std::string> settings = SettingLabels(runs);
 
-  std::map<std::tuple<std::string, std::size_t, std::string, std::string>, RunGroup> groups;
+  const std::map<std::string, std::size_t> ranks = PlannerRanks(databases);
+  std::map<std::tuple<std::string, std::size_t, std::string>, RunGroup> groups;
   for (std::size_t i = 0; i < all.size(); ++i) {
     GroupedRun& item = all[i];
     const RunInfo& run = item.run;
@@ -230,10 +237,12 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
     if (!settings[i].empty()) label += " " + settings[i];
     if (studies.size() > 1) label += " (" + run.study + ")";
 
-    RunGroup& group = groups[{run.task, PaperRank(run.planner), run.planner, label}];
+    const std::size_t rank = ranks.at(run.planner);
+    RunGroup& group = groups[{run.task, rank, label}];
     if (group.runs.empty()) {
       group.task = run.task;
       group.planner = run.planner;
+      group.planner_rank = rank;
       group.label = label;
       Statement range = db.Prepare("SELECT return_low, return_high FROM task WHERE name = ?1");
       if (range.Bind(run.task).Step()) {

@@ -29,6 +29,7 @@ std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>
 struct RunGroup {
   std::string task;
   std::string planner;
+  std::size_t planner_rank = 0;  // its place in the order in which planners are listed
   // "mcts_pw", with the model and study where others have other ones, and with the
   // action repeat and the settings in which runs of the planner differ on some task.
   // Equal over tasks for equal experiments.
@@ -37,7 +38,7 @@ struct RunGroup {
   std::vector<GroupedRun> runs;  // by seed
 };
 
-// Groups TrainedRuns by task, then in the order of the paper's planners.
+// Groups TrainedRuns by task, then in the order in which the planners were first recorded.
 std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                 const RunFilter& filter, CurvePhase phase);
 
@@ -59,9 +60,6 @@ int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase);
 // Why there is no group: an empty choice, or evaluations alone, and where those show.
 std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
                            const RunFilter& filter);
-
-// The order in which planners are listed and coloured: the paper's four first.
-bool PlannerBefore(const std::string& a, const std::string& b);
 
 // "seed 2 failed at 12,000 of 60,000 steps" if the run did not finish, else "".
 std::string Unfinished(const RunInfo& run);

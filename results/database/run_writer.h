@@ -28,7 +28,7 @@ namespace dreamsearch::results {
 enum class Phase : int {
   kTraining = 0,
   kSearchEvaluation = 1,  // evaluation with the planner
-  kActorEvaluation = 2,   // with the actor alone; all evaluation of the planner `dreamer`
+  kActorEvaluation = 2,   // with the actor alone; all evaluation of a planner that is that
 };
 inline constexpr int kPhases = 3;
 

@@ -151,7 +151,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
     counts[line.label].insert(line.n());
     phases[line.label] = PhaseName(line.published, line.with_search, request.phase);
   }
-  // The paper's planners last, on top.
+  // The first planner last, on top.
   for (auto label = order.rbegin(); label != order.rend(); ++label) {
     for (const Line& line : lines) {
       if (line.label != *label) continue;
@@ -188,7 +188,7 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
   figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
   Panel panel = {.title = "mean over " + Counted(TasksOf(lines).size(), "task")};
   const std::vector<TaskMean> means = MeansOverTasks(lines);
-  // The paper's planners last, on top.
+  // The first planner last, on top.
   for (std::size_t i = means.size(); i-- > 0;) {
     const TaskMean& mean = means[i];
     if (!mean.left_out.empty()) {

@@ -16,6 +16,7 @@
 
 #include "dreamsearch/random.h"
 #include "host/acting/activity_clock.h"
+#include "host/acting/actor.h"
 #include "host/acting/episode.h"
 #include "host/acting/fiber.h"
 #include "host/plugins/plugin_loader.h"
@@ -327,12 +328,12 @@ Played Play(Model* model, std::size_t seats, std::uint64_t first, std::uint64_t 
   EpisodePlayers::Parts parts;
   for (std::size_t i = 0; i < seats; ++i) {
     environments.push_back(MakePush(uneven));
-    if (make) parts.planners.push_back(make());
+    parts.planners.push_back(make ? make() : MakeActor());
   }
   parts.model = &joint;
   parts.environments = &environments;
   parts.agent.model_name = "linear";
-  parts.agent.planner_name = "tested";
+  parts.agent.planner_text = "planner 'tested'";
   parts.agent.metrics = metrics;
   parts.agent.model_needs_environment = needs_environment;
   parts.environment_name = "push";
@@ -494,8 +495,11 @@ TEST(EpisodePlayers, AnEpisodeBrokenOffLeavesTheOthersAsTheyAre) {
   const Played whole = Play(&model, 4, 0, 4, {}, 0);
   JointModel joint(&model, 4);
   std::vector<EnvironmentPtr> environments;
-  for (int i = 0; i < 4; ++i) environments.push_back(MakePush(true));
   EpisodePlayers::Parts parts;
+  for (int i = 0; i < 4; ++i) {
+    environments.push_back(MakePush(true));
+    parts.planners.push_back(MakeActor());
+  }
   parts.model = &joint;
   parts.environments = &environments;
   parts.run_seed = kRunSeed;

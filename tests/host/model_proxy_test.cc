@@ -58,7 +58,7 @@ class ModelProxyTest : public testing::Test {
   }
 
   ScriptedModel model_;
-  ModelProxy proxy_{&model_, "scripted"};
+  ModelProxy proxy_{&model_, "scripted", true};
   std::vector<std::byte> from_ = std::vector<std::byte>(640), to_ = from_;
   std::vector<std::uint64_t> seeds_ = std::vector<std::uint64_t>(10);
   std::vector<double> actions_ = std::vector<double>(20), rewards_ = actions_,
@@ -72,6 +72,17 @@ TEST_F(ModelProxyTest, CountsOneTransitionARow) {
   EXPECT_TRUE(Imagine(10, 10).ok());
   EXPECT_EQ(proxy_.transitions(), 13u);
   EXPECT_TRUE(proxy_.fault().ok());
+}
+
+TEST_F(ModelProxyTest, APlannerThatDeclaresNoSearchMayNotImagine) {
+  ModelProxy proxy(&model_, "scripted", false);
+  const View<const std::uint64_t> seed{seeds_.data(), 1};
+  const ImagineResult result{{to_.data(), 1, 64}, {rewards_.data(), 1}, {discounts_.data(), 1}};
+  EXPECT_EQ(proxy.Imagine({{from_.data(), 1, 64}, {actions_.data(), 1, 2}, seed}, result).code,
+            StatusCode::kFailedPrecondition);
+  EXPECT_EQ(model_.calls, 0);
+  EXPECT_NE(std::string(proxy.fault().message).find("kSearches"), std::string::npos);
+  EXPECT_TRUE(proxy.ProposeMode({from_.data(), 1, 64}, {actions_.data(), 1, 2}).ok());
 }
 
 TEST_F(ModelProxyTest, WrongSizesNeverReachTheModel) {
@@ -99,7 +110,7 @@ TEST_F(ModelProxyTest, EveryAnswerThatIsNotFiniteIsFoundAndNamesTheModel) {
     model.reward = bad;
     model.value = bad;
     model.action = bad;
-    ModelProxy proxy(&model, "scripted");
+    ModelProxy proxy(&model, "scripted", true);
     const View<const std::uint64_t> seed{seeds_.data(), 1};
     ImagineRequest request{{from_.data(), 1, 64}, {actions_.data(), 1, 2}, seed};
     const ImagineResult result{{to_.data(), 1, 64}, {rewards_.data(), 1}, {discounts_.data(), 1}};

@@ -88,7 +88,7 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_EQ(planner->plugin.path, file.string());
   EXPECT_EQ(planner->plugin.sha256, Sha256HexOfFile(file));
   EXPECT_EQ(planner->plugin.sdk_major, 0u);
-  EXPECT_EQ(planner->plugin.sdk_minor, 1u);
+  EXPECT_EQ(planner->plugin.sdk_minor, std::uint32_t{DREAMSEARCH_SDK_MINOR});
   ASSERT_EQ(planner->parameters.size(), 4u);
   EXPECT_EQ(planner->parameters[0].name, "noise");
   EXPECT_EQ(planner->parameters[0].default_number, 0.3);
@@ -100,8 +100,10 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_EQ(planner->parameters[3].default_choice, "parent");
   ASSERT_EQ(planner->metrics.size(), 1u);
   EXPECT_EQ(planner->metrics[0].unit, "nat");
-  EXPECT_FALSE(planner->needs_environment);
-  EXPECT_TRUE(catalogue.Find(ComponentKind::kModel, "good")->needs_environment);
+  EXPECT_TRUE(planner->Has(kSearches));
+  EXPECT_FALSE(planner->Has(kActorAlone));
+  EXPECT_EQ(catalogue.Find(ComponentKind::kModel, "good")->traits, kNeedsEnvironment | kDefault);
+  EXPECT_EQ(catalogue.DefaultModel(false)->name, "good");
   EXPECT_EQ(ToJson(ComponentInfoFromJson(ToJson(*planner))), ToJson(*planner));
 }
 

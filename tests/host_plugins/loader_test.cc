@@ -92,12 +92,12 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.1, found "
+  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.2, found "
                          "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
   refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"expected SDK version 0.1, found 7.1"});
-  refused("newer_minor", {"expected SDK version 0.1, found 0.2"});
-  refused("older_minor", {"expected SDK version 0.1, found 0.0"});
+  refused("other_major_field", {"expected SDK version 0.2, found 7.2"});
+  refused("newer_minor", {"expected SDK version 0.2, found 0.3"});
+  refused("older_minor", {"expected SDK version 0.2, found 0.1"});
   refused("short_descriptor",
           {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
   refused("interface_revision", {"interface revision 2, found 3"});
@@ -151,8 +151,16 @@ TEST(CheckPluginDescriptor, WantsAKnownKindWithItsFactoryAlone) {
                 {"expected create_planner", "create_environment create_planner"});
   ExpectMessage(CheckChanged([](auto* c) { c->kind = ComponentKind::kModel; }), kRefused,
                 {"expected create_model", "found create_planner"});
-  ExpectMessage(CheckChanged([](auto* c) { c->needs_environment = true; }), kRefused,
-                {"needs_environment is for models only"});
+}
+
+TEST(CheckPluginDescriptor, WantsTraitsOfTheKindAndNoneThatContradictEachOther) {
+  ExpectMessage(CheckChanged([](auto* c) { c->traits = kNeedsEnvironment; }), kRefused,
+                {"component 0 ('tiny')", "those of a planner", "found 8"});
+  ExpectMessage(CheckChanged([](auto* c) { c->traits = 1u << 31; }), kRefused,
+                {"those of a planner", "found 2147483648"});
+  ExpectMessage(CheckChanged([](auto* c) { c->traits = kSearches | kActorAlone; }), kRefused,
+                {"expected kSearches or kActorAlone, found both"});
+  EXPECT_EQ(CheckChanged([](auto* c) { c->traits = kActorAlone; }).code(), ExitCode::kOk);
 }
 
 TEST(CheckPluginDescriptor, WantsNamesThatAreUniqueInAKind) {

@@ -51,7 +51,7 @@ TEST(ParseOptions, FillsInTheDefaultsOfTheContract) {
   const Options options = Parse({});
   EXPECT_EQ(options.environments, Words{"walker_walk"});
   EXPECT_EQ(options.planners, Words{"mcts_pw"});
-  EXPECT_EQ(options.models, Words{"dreamer"});
+  EXPECT_EQ(options.models, Words{});
   EXPECT_EQ(options.eval_planner, "");
   EXPECT_EQ(options.seeds, std::vector<std::uint64_t>{0});
   EXPECT_EQ(options.study, "default");

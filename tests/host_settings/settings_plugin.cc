@@ -1,4 +1,4 @@
-// Three tasks, two models and three planners that only declare; `dreamer` is both
+// Three tasks, three models and three planners that only declare; `dreamer` is both
 // a model and a planner, as in the real plugins.
 #include "dreamsearch/plugin.h"
 
@@ -57,16 +57,23 @@ constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
                                                Task("cup_catch", "ball_in_cup_catch"),
                                                Task("bridge", nullptr, ViewOf(kBridge)),
                                                {.kind = ComponentKind::kModel,
+                                                .traits = kLearns | kDefault,
                                                 .name = "dreamer",
                                                 .version = "1",
                                                 .summary = "A model.",
                                                 .parameters = ViewOf(kModel),
                                                 .create_model = NoModel},
                                                {.kind = ComponentKind::kModel,
-                                                .needs_environment = true,
+                                                .traits = kNeedsEnvironment | kDefault,
                                                 .name = "oracle",
                                                 .version = "1",
                                                 .summary = "A model.",
+                                                .create_model = NoModel},
+                                               {.kind = ComponentKind::kModel,
+                                                .traits = kLearns,
+                                                .name = "another",
+                                                .version = "1",
+                                                .summary = "A model that must be named.",
                                                 .create_model = NoModel},
                                                PlannerOf("dreamer", ViewOf(kActor)),
                                                PlannerOf("mcts_pw", ViewOf(kSearch)),

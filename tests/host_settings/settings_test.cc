@@ -95,6 +95,14 @@ TEST(ResolveMatrix, ANameWinsOverAKindInOneSourceInAnyOrder) {
   }
 }
 
+TEST(ResolveMatrix, TakesTheModelThatDeclaresItselfTheDefault) {
+  Options options = Base();
+  options.models = {};
+  EXPECT_EQ(Resolve(options).model.name(), "dreamer");  // `another` learns too
+  options.evaluate = true;
+  EXPECT_EQ(Resolve(options).model.name(), "oracle");
+}
+
 TEST(ResolveMatrix, RunsTheCrossProductWithSeedsOutermost) {
   Options options = Base();
   options.environments = {"walker_walk", "cup_catch"};

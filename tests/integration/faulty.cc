@@ -8,7 +8,9 @@
 #include <cstring>
 #include <ctime>
 #include <limits>
+#include <memory>
 #include <stdexcept>
+#include <vector>
 
 #include "dreamsearch/plugin.h"
 
@@ -104,6 +106,73 @@ class SlowPlanner final : public Planner {
 
 Status MakeSlow(const PlannerContext&, Planner** result) noexcept {
   *result = new SlowPlanner;
+  return OkStatus();
+}
+
+// Nothing is wrong with it: plays half of the actor's mode action, without search.
+class HalfActor final : public Planner {
+ public:
+  Status BeginEpisode(LatentModel* model) noexcept override {
+    model_ = model;
+    return OkStatus();
+  }
+  Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
+    const Status status =
+        model_->ProposeMode(request.root, {result->action.data, 1, result->action.size});
+    for (double& entry : result->action) entry /= 2;
+    result->value = 0;
+    return status;
+  }
+  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
+  Status Load(ByteSource*) noexcept override { return OkStatus(); }
+  void Destroy() noexcept override { delete this; }
+
+ private:
+  LatentModel* model_ = nullptr;
+};
+
+Status MakeHalfActor(const PlannerContext&, Planner** result) noexcept {
+  *result = new HalfActor;
+  return OkStatus();
+}
+
+// Looks ahead and does not declare it.
+class SecretSearch final : public Planner {
+ public:
+  explicit SecretSearch(const PlannerContext& context)
+      : latent_bytes_(context.latent_bytes), memory_(latent_bytes_ + kLatentAlignment) {}
+  Status BeginEpisode(LatentModel* model) noexcept override {
+    model_ = model;
+    return OkStatus();
+  }
+  Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
+    for (double& entry : result->action) entry = 0;
+    void* memory = memory_.data();
+    std::size_t space = memory_.size();
+    auto* latent =
+        static_cast<std::byte*>(std::align(kLatentAlignment, latent_bytes_, memory, space));
+    double reward = 0, discount = 0;
+    ImagineRequest imagine;
+    imagine.latents = request.root;
+    imagine.actions = {result->action.data, 1, result->action.size};
+    imagine.seeds = {&request.seed, 1};
+    const Status status =
+        model_->Imagine(imagine, {{latent, 1, latent_bytes_}, {&reward, 1}, {&discount, 1}});
+    result->value = reward;
+    return status.ok() ? status : OkStatus();  // it keeps the refusal to itself
+  }
+  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
+  Status Load(ByteSource*) noexcept override { return OkStatus(); }
+  void Destroy() noexcept override { delete this; }
+
+ private:
+  std::uint64_t latent_bytes_;
+  std::vector<std::byte> memory_;
+  LatentModel* model_ = nullptr;
+};
+
+Status MakeSecretSearch(const PlannerContext& context, Planner** result) noexcept {
+  *result = new SecretSearch(context);
   return OkStatus();
 }
 
@@ -260,16 +329,20 @@ constexpr ComponentDescriptor FaultyEnvironmentDescriptor(const char* name,
           .create_environment = factory};
 }
 
-constexpr ComponentDescriptor FaultyPlannerDescriptor(const char* name, PlannerFactory factory) {
+constexpr ComponentDescriptor FaultyPlannerDescriptor(const char* name, PlannerFactory factory,
+                                                      std::uint32_t traits = kSearches) {
   return {.kind = ComponentKind::kPlanner,
+          .traits = traits,
           .name = name,
           .version = "1.0.0",
           .summary = "fails on purpose",
           .create_planner = factory};
 }
 
-constexpr ComponentDescriptor FaultyModelDescriptor(const char* name, ModelFactory factory) {
+constexpr ComponentDescriptor FaultyModelDescriptor(const char* name, ModelFactory factory,
+                                                    std::uint32_t traits = 0) {
   return {.kind = ComponentKind::kModel,
+          .traits = traits,
           .name = name,
           .version = "1.0.0",
           .summary = "fails on purpose",
@@ -287,8 +360,10 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("segfault_at_stop_planner", MakePlanner<Fault::kSegfaultAtStop>),
     FaultyPlannerDescriptor("null_planner", MakeNull),
     FaultyPlannerDescriptor("slow_planner", MakeSlow),
-    FaultyModelDescriptor("nan_model", MakeModel<true>),
-    FaultyModelDescriptor("wrong_size_model", MakeModel<false>),
+    FaultyPlannerDescriptor("half_actor", MakeHalfActor, kActorAlone),
+    FaultyPlannerDescriptor("secret_search", MakeSecretSearch, 0),
+    FaultyModelDescriptor("nan_model", MakeModel<true>, kLearns),
+    FaultyModelDescriptor("wrong_size_model", MakeModel<false>, kLearns),
     FaultyModelDescriptor("idle_model", MakeIdleModel<kLatentAlignment>),
     FaultyModelDescriptor("no_latent", MakeIdleModel<0>),
     FaultyModelDescriptor("odd_latent", MakeIdleModel<kLatentAlignment + 8>),

@@ -55,9 +55,7 @@ class EveryPlanner : public testing::TestWithParam<const ComponentDescriptor*> {
   }
 };
 
-bool Searches(const ComponentDescriptor* component) {
-  return std::string(component->name) != "dreamer";
-}
+bool Searches(const ComponentDescriptor* component) { return (component->traits & kSearches) != 0; }
 
 TEST_P(EveryPlanner, DeclaresItselfCompletely) {
   const ComponentDescriptor& component = *GetParam();

@@ -38,12 +38,25 @@ TEST_F(CurvesTest, EvaluationIsWithSearchWhereThereIsOne) {
   AddRun({.planner = "dreamer"}, {{kActor, 0, 7}});
   const std::vector<Line> lines = ReadLines(databases_, {});
   ASSERT_EQ(lines.size(), 2u);
-  EXPECT_EQ(lines[0].label, "dreamer");  // the paper's order
-  EXPECT_FALSE(lines[0].with_search);
-  EXPECT_EQ(Points(lines[0])[0].mean, 7);
-  EXPECT_TRUE(lines[1].with_search);
-  EXPECT_EQ(Points(lines[1])[0].mean, 1);
-  EXPECT_EQ(Points(ReadLines(databases_, {.phase = CurvePhase::kActorEvaluation})[1])[0].mean, 5);
+  EXPECT_TRUE(lines[0].with_search);
+  EXPECT_EQ(Points(lines[0])[0].mean, 1);
+  EXPECT_EQ(lines[1].label, "dreamer");
+  EXPECT_FALSE(lines[1].with_search);
+  EXPECT_EQ(Points(lines[1])[0].mean, 7);
+  EXPECT_EQ(Points(ReadLines(databases_, {.phase = CurvePhase::kActorEvaluation})[0])[0].mean, 5);
+}
+
+TEST_F(CurvesTest, PlannersStandInTheOrderOfTheirFirstRunsWhateverIsChosen) {
+  for (const char* planner : {"rollout", "zebra", "cem"}) {
+    AddRun({.planner = planner, .seed = 1}, {{kSearch, 0, 1}});
+  }
+  AddRun({.task = "cup_catch", .planner = "zebra"}, {{kSearch, 0, 1}});
+  AddRun({.task = "cup_catch", .planner = "rollout"}, {{kSearch, 0, 1}});
+  const std::vector<RunGroup> all = GroupRuns(databases_, {}, CurvePhase::kEvaluation);
+  EXPECT_EQ(OrderedLabels(all), (std::vector<std::string>{"rollout", "zebra", "cem"}));
+  const std::vector<RunGroup> some =
+      GroupRuns(databases_, {.tasks = {"cup_catch"}}, CurvePhase::kEvaluation);
+  EXPECT_EQ(OrderedLabels(some), (std::vector<std::string>{"rollout", "zebra"}));
 }
 
 TEST_F(CurvesTest, OtherSettingsAreOtherLinesNamedByTheDifference) {
@@ -66,8 +79,9 @@ TEST_F(CurvesTest, ASettingTriedOnOneTaskNamesTheRunsOfAllTasks) {
          {{kSearch, 95000, 300}});
   AddRun({.task = "cup_catch", .planner = "rollout", .config = plain}, {{kSearch, 95000, 300}});
   const std::vector<RunGroup> groups = GroupRuns(databases_, {}, CurvePhase::kEvaluation);
-  EXPECT_EQ(OrderedLabels(groups), (std::vector<std::string>{"rollout", "mcts_pw mcts_pw.depth=3",
-                                                             "mcts_pw mcts_pw.depth=4"}));
+  EXPECT_EQ(
+      OrderedLabels(groups),
+      (std::vector<std::string>{"mcts_pw mcts_pw.depth=3", "mcts_pw mcts_pw.depth=4", "rollout"}));
   const Figure figure =
       CurvesOverTasks(ReadLines(databases_, {.filter = {.planners = {"mcts_pw"}}}), {});
   ASSERT_EQ(figure.legend.size(), 1u);
@@ -83,10 +97,10 @@ TEST_F(CurvesTest, ASettingThatOneRunLacksNamesTheOther) {
   const std::vector<std::string> labels =
       OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation));
   ASSERT_EQ(labels.size(), 4u);
-  EXPECT_EQ(labels[0].substr(0, 15), "rollout config ");
-  EXPECT_EQ(labels[1].substr(0, 15), "rollout config ");
-  EXPECT_EQ(labels[2], "mcts_pw");
-  EXPECT_EQ(labels[3], "mcts_pw b=2");
+  EXPECT_EQ(labels[0], "mcts_pw");
+  EXPECT_EQ(labels[1], "mcts_pw b=2");
+  EXPECT_EQ(labels[2].substr(0, 15), "rollout config ");
+  EXPECT_EQ(labels[3].substr(0, 15), "rollout config ");
 }
 
 TEST_F(CurvesTest, EvaluationsAloneAreSaidToBeThere) {
@@ -130,12 +144,12 @@ TEST_F(CurvesTest, TheLegendSaysHowManySeedsAndTheNotesWhatIsMissing) {
   const std::vector<Line> lines = ReadLines(databases_, {});
   const Figure figure = CurvesByTask(lines, {}, CurveInterval::kMinMax);
   ASSERT_EQ(figure.legend.size(), 2u);
-  EXPECT_EQ(figure.legend[0].text, "rollout with search (n = 1)");
-  EXPECT_EQ(figure.legend[1].text, "mcts_pw with search (n = 2)");
+  EXPECT_EQ(figure.legend[0].text, "mcts_pw with search (n = 2)");
+  EXPECT_EQ(figure.legend[1].text, "rollout with search (n = 1)");
   EXPECT_EQ(
       MissingOrUnfinished(lines),
-      (std::vector<std::string>{"walker_walk, rollout: seed 1 is missing.",
-                                "walker_walk, mcts_pw: seed 1 crashed at 0 of 100,000 steps."}));
+      (std::vector<std::string>{"walker_walk, mcts_pw: seed 1 crashed at 0 of 100,000 steps.",
+                                "walker_walk, rollout: seed 1 is missing."}));
 }
 
 bool HasBand(const Figure& figure) {

@@ -92,7 +92,7 @@ struct ObserveRequest {
   MatrixView<const double> actions;       // [B, A]
   MatrixView<const double> observations;  // [B, O]
   // [B, state_bytes]: the environment's saved state, only for a model whose
-  // descriptor has needs_environment; otherwise empty.
+  // descriptor has kNeedsEnvironment; otherwise empty.
   MatrixView<const std::byte> environment_states;
   View<const std::uint64_t> seeds;  // [B]
 };
@@ -128,7 +128,7 @@ class Model : public LatentModel {
 
   // Fits the model and its actor and critic to one batch. metrics: one value for
   // each MetricSpec of the component, in that order.
-  //   kUnimplemented       the model has nothing to learn.
+  // Called only of a model that declares kLearns.
   //   kNotFinite           a loss or a gradient norm is not finite; the message
   //                        names it. The parameters are unchanged.
   virtual Status Train(const TrainRequest& request, View<double> metrics) noexcept = 0;

@@ -37,6 +37,38 @@ inline const char* ComponentKindName(ComponentKind kind) noexcept {
   return "unknown";
 }
 
+// What the host must know of a component to run it and to name what it did: bits of
+// ComponentDescriptor::traits, joined with |. A bit that a component's kind does not have
+// is refused.
+enum Trait : std::uint32_t {
+  // Planners. kSearches: looks ahead in the model; a planner without it may not call
+  // Imagine. kActorAlone: chooses by the actor alone, exploration aside, so that its
+  // episodes are those without search and are played once; excludes kSearches. A planner
+  // with neither (random actions) is compared with the actor alone, as a search is.
+  kSearches = 1u << 0,
+  kActorAlone = 1u << 1,
+  // Models. kLearns: Train changes it; of a model without it Train is never called.
+  // kNeedsEnvironment: see ModelContext::environment. kDefault: a command that names no
+  // model takes this one; to train the one that learns, to play without a trained run the
+  // one that does not.
+  kLearns = 1u << 2,
+  kNeedsEnvironment = 1u << 3,
+  kDefault = 1u << 4,
+};
+
+// The bits that a component of that kind may have.
+constexpr std::uint32_t TraitsOf(ComponentKind kind) noexcept {
+  switch (kind) {
+    case ComponentKind::kEnvironment:
+      return 0;
+    case ComponentKind::kModel:
+      return kLearns | kNeedsEnvironment | kDefault;
+    case ComponentKind::kPlanner:
+      return kSearches | kActorAlone;
+  }
+  return 0;
+}
+
 struct EnvironmentContext {
   Parameters parameters;
 };
@@ -48,7 +80,7 @@ struct ModelContext {
   std::uint32_t action_repeat = 1;      // environment steps a decision
   std::uint32_t episode_decisions = 0;  // decisions in an episode
   std::uint64_t seed = 0;               // initial parameters
-  // Only for a model with needs_environment: an environment of its own, which it
+  // Only for a model with kNeedsEnvironment: an environment of its own, which it
   // does not destroy and which outlives it; otherwise null.
   Environment* environment = nullptr;
   // Only for such a model, and only if the run names a trained run: that run's
@@ -72,11 +104,11 @@ using PlannerFactory = Status (*)(const PlannerContext& context, Planner** resul
 // One thing a plugin offers. Exactly the factory of its kind is set.
 struct ComponentDescriptor {
   ComponentKind kind = ComponentKind::kEnvironment;
-  bool needs_environment = false;  // models only: see ModelContext::environment
-  const char* name = nullptr;      // [a-z][a-z0-9_]*, unique among components of its kind
-  const char* aliases = nullptr;   // other names, "one,two"; may be null
-  const char* version = nullptr;   // of the component
-  const char* summary = nullptr;   // one line
+  std::uint32_t traits = 0;       // bits of Trait
+  const char* name = nullptr;     // [a-z][a-z0-9_]*, unique among components of its kind
+  const char* aliases = nullptr;  // other names, "one,two"; may be null
+  const char* version = nullptr;  // of the component
+  const char* summary = nullptr;  // one line
   View<const ParameterSpec> parameters;
   View<const MetricSpec> metrics;  // what Plan or Train reports
   EnvironmentFactory create_environment = nullptr;

@@ -16,6 +16,7 @@ constexpr dreamsearch::MetricSpec kMetrics[] = {{"entropy", "nat", "Of the root'
 
 constexpr ComponentDescriptor Planner() {
   ComponentDescriptor component = dreamsearch::TinyPlanner("good");
+  component.traits = dreamsearch::kSearches;
   component.aliases = "fine,well";
   component.parameters = dreamsearch::ViewOf(kParameters);
   component.metrics = dreamsearch::ViewOf(kMetrics);
@@ -29,13 +30,14 @@ dreamsearch::Status MakeNoModel(const dreamsearch::ModelContext&,
 }
 
 // A planner and a model may have the same name.
-constexpr ComponentDescriptor kComponents[] = {Planner(),
-                                               {.kind = ComponentKind::kModel,
-                                                .needs_environment = true,
-                                                .name = "good",
-                                                .version = "0.9.0",
-                                                .summary = "A model for tests of the loader.",
-                                                .create_model = MakeNoModel}};
+constexpr ComponentDescriptor kComponents[] = {
+    Planner(),
+    {.kind = ComponentKind::kModel,
+     .traits = dreamsearch::kNeedsEnvironment | dreamsearch::kDefault,
+     .name = "good",
+     .version = "0.9.0",
+     .summary = "A model for tests of the loader.",
+     .create_model = MakeNoModel}};
 
 }  // namespace
 DREAMSEARCH_PLUGIN("good", "1.2.3", kComponents)
