@@ -104,29 +104,33 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   return decision;
 }
 
-void Agent::Save(ByteWriter* writer) const {
-  writer->Value(phase_);
-  writer->Value(episode_);
-  writer->Value(decision_);
-  writer->Vector(action_);
-  writer->Value(proxy_.transitions());
-  writer->Array(const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
-  StringSink memory;
-  ThrowUnlessOk(parts_.planner->Save(&memory), parts_.planner_text + " Save");
-  writer->String(memory.bytes);
+void Agent::Save(StateWriter* writer) const {
+  (*writer)("agent_phase", &phase_);
+  (*writer)("agent_episode", &episode_);
+  (*writer)("agent_decision", &decision_);
+  writer->Array("agent_action", action_.data(), action_.size());
+  const std::uint64_t transitions = proxy_.transitions();
+  (*writer)("agent_transitions", &transitions);
+  writer->Array("agent_latent", const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
+  ThrowUnlessOk(
+      writer->Stream("planner_memory", [&](ByteSink* sink) { return parts_.planner->Save(sink); }),
+      parts_.planner_text + " Save");
 }
 
-void Agent::Load(ByteReader* reader) {
-  const auto phase = reader->Value<Phase>();
-  const auto episode = reader->Value<std::uint64_t>();
+void Agent::Load(StateReader* reader) {
+  Phase phase{};
+  std::uint64_t episode = 0, transitions = 0;
+  (*reader)("agent_phase", &phase);
+  (*reader)("agent_episode", &episode);
   BeginEpisode(phase, episode);
-  decision_ = reader->Value<std::uint64_t>();
-  reader->ArrayInto(action_.data(), action_.size());
-  proxy_.set_transitions(reader->Value<std::uint64_t>());
-  reader->ArrayInto(Latent(current_), latent_bytes_);
-  const std::string memory = reader->String();
-  StringSource source(memory);
-  ThrowUnlessOk(parts_.planner->Load(&source), parts_.planner_text + " Load");
+  (*reader)("agent_decision", &decision_);
+  reader->Array("agent_action", action_.data(), action_.size());
+  (*reader)("agent_transitions", &transitions);
+  proxy_.set_transitions(transitions);
+  reader->Array("agent_latent", Latent(current_), latent_bytes_);
+  ThrowUnlessOk(reader->Stream("planner_memory",
+                               [&](ByteSource* source) { return parts_.planner->Load(source); }),
+                parts_.planner_text + " Load");
 }
 
 }  // namespace dreamsearch

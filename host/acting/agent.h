@@ -17,7 +17,7 @@
 #include "dreamsearch/planner.h"
 #include "host/acting/activity_clock.h"
 #include "host/plugins/model_proxy.h"
-#include "host/saving/byte_buffer.h"
+#include "host/saving/state.h"
 #include "host/settings/seeds.h"
 #include "host/settings/settings.h"
 
@@ -68,8 +68,8 @@ class Agent {
   std::uint64_t transitions() const { return proxy_.transitions(); }
 
   // Belief, last action and the planner's memory.
-  void Save(ByteWriter* writer) const;
-  void Load(ByteReader* reader);
+  void Save(StateWriter* writer) const;
+  void Load(StateReader* reader);
 
  private:
   std::byte* Latent(std::size_t index);

@@ -4,7 +4,6 @@
 #include <sstream>
 
 #include "host/plugins/plugin_loader.h"
-#include "host/saving/byte_buffer.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
@@ -101,13 +100,27 @@ void ThrowUnlessOk(const Status& status, const std::string& what) {
                 what + ": " + StatusCodeName(status.code) + ": " + status.message);
 }
 
-void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model) {
-  const auto found = sections.find("model");
-  if (found == sections.end()) {
-    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'model'");
-  }
-  StringSource source(found->second);
-  ThrowUnlessOk(model->Load(&source), "model '" + name + "' Load");
+namespace {
+constexpr char kModelState[] = "state";
+}  // namespace
+
+void SaveModel(const Model& model, const std::string& name, CheckpointWriter* writer) {
+  writer->Part(kModelPart, [&](StateWriter* part) {
+    ThrowUnlessOk(part->Stream(kModelState, [&](ByteSink* sink) { return model.Save(sink); }),
+                  "model '" + name + "' Save");
+  });
+}
+
+void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* model) {
+  checkpoint.Read(kModelPart, [&](StateReader* part) {
+    ThrowUnlessOk(
+        part->Stream(kModelState, [&](ByteSource* source) { return model->Load(source); }),
+        "model '" + name + "' Load");
+  });
+}
+
+std::string ModelSha256(const Checkpoint& checkpoint) {
+  return checkpoint.StreamSha256(kModelPart, kModelState);
 }
 
 Components::Components(const RunSpec& spec)

@@ -31,9 +31,13 @@ using PlannerPtr = std::unique_ptr<Planner, Destroyer>;
 // kDiverged, otherwise internal (70). `what` says which component did what.
 void ThrowUnlessOk(const Status& status, const std::string& what);
 
-// Brings a model to what a run's checkpoint holds. Throws 65 if it holds none, else
-// as ThrowUnlessOk.
-void LoadModel(const CheckpointSections& sections, const std::string& name, Model* model);
+// A model as a part of a run's checkpoint. Throw what StateWriter and Checkpoint::Read
+// throw, and as ThrowUnlessOk.
+inline constexpr PartName kModelPart{"model", 1};
+void SaveModel(const Model& model, const std::string& name, CheckpointWriter* writer);
+void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* model);
+// SHA-256 of what the model's Save wrote into the checkpoint.
+std::string ModelSha256(const Checkpoint& checkpoint);
 
 // The components of one run, loaded from the plugins that its RunSpec names.
 class Components {

@@ -100,8 +100,8 @@ nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& 
                       "): it was run without --record-trees, the episode has not ended, or "
                       "its actions were random");
   }
-  const CheckpointSections trees = ReadCheckpointFile(path);
-  const auto found = trees.find(Experiment::TreeSection(decision));
+  const Experiment::Trees trees = Experiment::ReadTrees(path);
+  const auto found = trees.find(decision);
   if (found == trees.end()) {
     throw Failure(ExitCode::kUsage, "--decision: training episode " + std::to_string(episode) +
                                         " has the trees of " + std::to_string(trees.size()) +
@@ -263,7 +263,7 @@ int ExplainDecisionMain() {
     const auto wanted = question.at("decision").get<std::uint64_t>();
     const Components components(spec);
     EvaluationPlayer player(components, spec,
-                            ReadAgent(spec, question.at("agent").get<std::string>()), 1, 1);
+                            OpenAgent(spec, question.at("agent").get<std::string>()), 1, 1);
     TreeCollector tree;
     Decision decided;
     std::vector<double> action, metrics;

@@ -9,7 +9,6 @@
 #include "host/commands/text_table.h"
 #include "host/processes/question.h"
 #include "host/processes/trained_run.h"
-#include "host/saving/byte_buffer.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
 #include "results/system/error.h"
@@ -115,9 +114,8 @@ int ExportModelMain() {
     const EnvironmentPtr own_environment =
         spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
     const ModelPtr model = components.MakeModel(environment->spec(), 1, own_environment.get());
-    const CheckpointSections sections =
-        ReadCheckpointFile(question.at("checkpoint").get<std::string>());
-    LoadModel(sections, spec.model.name(), model.get());
+    LoadModel(Checkpoint(question.at("checkpoint").get<std::string>()), spec.model.name(),
+              model.get());
     TensorCollector collector;
     ThrowUnlessOk(model->Export(&collector), "model '" + spec.model.name() + "' Export");
     if (collector.tensors().empty()) {

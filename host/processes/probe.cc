@@ -122,7 +122,8 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   }
   replay.EndEpisode();
   costs.replay_row_bytes =
-      static_cast<double>(replay.Save().size()) / static_cast<double>(replay.rows());
+      static_cast<double>(StateBytes([&](StateWriter* writer) { replay.Save(writer); })) /
+      static_cast<double>(replay.rows());
   std::vector<double> metrics(components.model().metrics.size);
   std::uint64_t update = 0;
   if (spec.model.Has(kLearns)) {
@@ -135,9 +136,10 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
                     "model '" + spec.model.name() + "' Train");
     });
   }
-  StringSink saved;
-  ThrowUnlessOk(model->Save(&saved), "model '" + spec.model.name() + "' Save");
-  costs.checkpoint_bytes = static_cast<double>(saved.bytes.size());
+  costs.checkpoint_bytes = static_cast<double>(StateBytes([&](StateWriter* writer) {
+    ThrowUnlessOk(writer->Stream("state", [&](ByteSink* sink) { return model->Save(sink); }),
+                  "model '" + spec.model.name() + "' Save");
+  }));
   return costs;
 }
 

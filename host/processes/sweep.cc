@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "host/plugins/catalogue.h"
@@ -34,10 +35,6 @@ bool Flag(const nlohmann::json& json, const char* key) {
   const auto found = json.find(key);
   return found != json.end() && found->is_boolean() && found->get<bool>();
 }
-std::string Text(const nlohmann::json& json, const std::string& key) {
-  const auto found = json.find(key);
-  return found != json.end() && found->is_string() ? found->get<std::string>() : "";
-}
 
 std::string PluginChange(const PluginInfo& now, const std::string& then) {
   return "plugin " + now.name + " changed (" + now.path + ": SHA-256 " +
@@ -47,11 +44,12 @@ std::string PluginChange(const PluginInfo& now, const std::string& then) {
 
 // Which of the run's plugins is not the one it was begun with; empty if none. `then`:
 // SHA-256 by name, as in a checkpoint's header.
-std::string ChangedPlugin(const nlohmann::json& then, const RunSpec& spec) {
+std::string ChangedPlugin(const std::map<std::string, std::string>& then, const RunSpec& spec) {
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& now = component->info->plugin;
-    const std::string before = Text(then, now.name);
-    if (before != now.sha256) return PluginChange(now, before);
+    const auto before = then.find(now.name);
+    if (before == then.end()) return PluginChange(now, "");
+    if (before->second != now.sha256) return PluginChange(now, before->second);
   }
   return "";
 }
@@ -95,7 +93,7 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
   const std::filesystem::path folder = database->RunFolder(run);
   bool recorded = false;
   try {
-    nlohmann::json then = nlohmann::json::object();
+    std::map<std::string, std::string> then;
     const RunSpec before = RunSpecFromJson(ReadSpec(folder));
     for (const ResolvedComponent* component : ComponentsOf(before)) {
       then[component->info->plugin.name] = component->info->plugin.sha256;
@@ -109,15 +107,15 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
   }
   try {
     const Resumption resumption = FindResumption(
-        database, run, spec, folder, replace ? CheckpointPart::kWhole : CheckpointPart::kOutline);
+        database, run, spec, folder,
+        replace ? CheckpointFolder::Extent::kWhole : CheckpointFolder::Extent::kOutline);
     if (!resumption.checkpoint) return std::nullopt;
-    const nlohmann::json header = results::ParseJson(resumption.checkpoint->sections.at("header"));
+    const auto header = resumption.checkpoint->checkpoint.Value<CheckpointHeader>(kHeaderPart);
     if (!recorded) {
-      const std::string changed =
-          ChangedPlugin(header.value("plugins", nlohmann::json::object()), spec);
+      const std::string changed = ChangedPlugin(header.plugins, spec);
       if (!changed.empty()) return other_plugin(changed);
     }
-    if (replace && Text(header, "instruction_set") != InstructionSetInUse()) {
+    if (replace && header.instruction_set != InstructionSetInUse()) {
       return Obstacle{ExitCode::kPluginRefused,
                       "its checkpoint was made with another instruction set"};
     }
@@ -382,7 +380,7 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                       ". Give its command again with --replace to start it over, or with "
                       "another --study");
   }
-  FindResumption(database, run, spec, database->RunFolder(run), CheckpointPart::kOutline);
+  FindResumption(database, run, spec, database->RunFolder(run), CheckpointFolder::Extent::kOutline);
   return JobFor(database, options, spec, run);
 }
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <set>
 
+#include "host/acting/components.h"
 #include "host/processes/sweep.h"
 #include "host/saving/checkpoint.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
 
@@ -36,12 +36,8 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
   const std::string folder = database->RunFolder(found.info);
   std::optional<CheckpointFolder::Loaded> loaded;
   try {
-    loaded = CheckpointFolder(folder).LoadNewest([&](const CheckpointSections& sections) {
-      if (!HasRowSums(sections) &&
-          Experiment::ResumePointOf(sections).env_step <= found.info.env_steps_done) {
-        return std::string();
-      }
-      return WhyUnfit(database, found.info, found.spec, sections);
+    loaded = CheckpointFolder(folder).LoadNewest([&](const Checkpoint& checkpoint) {
+      return WhyUnfit(database, found.info, found.spec, checkpoint);
     });
   } catch (const Failure& error) {
     throw Failure(error.code(), name + ": " + error.what());
@@ -51,16 +47,13 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
                                            results::RunStatusName(found.info.status) + ") in " +
                                            folder);
   }
-  found.checkpoint = loaded->path;
+  found.checkpoint = loaded->checkpoint.path();
   for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
     found.warnings.push_back(skipped.why);
   }
-  if (!HasRowSums(loaded->sections)) {
-    found.warnings.push_back(loaded->path.string() +
-                             " was made by an older runner and does not say of which rows it is");
-  }
-  found.env_step = static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->sections).env_step);
-  found.agent_sha256 = Sha256Hex(loaded->sections["model"]);
+  found.env_step =
+      static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->checkpoint).env_step);
+  found.agent_sha256 = ModelSha256(loaded->checkpoint);
 
   std::vector<std::string> folders = plugin_path;
   for (const ResolvedComponent* component : ComponentsOf(found.spec)) {

@@ -76,29 +76,23 @@ Descriptor LockRun(const std::filesystem::path& folder) {
 }
 
 // What a checkpoint must agree with before a run goes on from it.
-void CheckHeader(const CheckpointSections& sections, const WorkerJob& job,
-                 const std::filesystem::path& path) {
-  const auto found = sections.find("header");
-  const nlohmann::json stored =
-      results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
-  const nlohmann::json expected = results::ParseJson(CheckpointHeader(job.spec, ""));
-  if (!stored.is_object()) {
-    throw Failure(ExitCode::kBadInput, path.string() + " has no readable header");
-  }
-  for (const char* key : {"configuration", "seed", "plugins"}) {
-    if (stored.value(key, nlohmann::json()) != expected[key]) {
-      throw Failure(ExitCode::kPluginRefused,
-                    path.string() + " was made with another " + key + ": it has " +
-                        results::JsonText(stored.value(key, nlohmann::json())) + ", this run " +
-                        results::JsonText(expected[key]) +
-                        ". Use the old one, another --study, or --replace to start over");
-    }
-  }
-  if (stored.value("instruction_set", "") != InstructionSetInUse() && !job.force) {
+void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
+  const auto stored = checkpoint.Value<CheckpointHeader>(kHeaderPart);
+  const CheckpointHeader expected = HeaderOf(job.spec, stored.run);
+  const std::string path = checkpoint.path().string();
+  const auto check = [&](const char* what, const std::string& found, const std::string& wanted) {
+    if (found == wanted) return;
     throw Failure(ExitCode::kPluginRefused,
-                  path.string() + " was made with the instruction set " +
-                      stored.value("instruction_set", "?") + ", this process has " +
-                      InstructionSetInUse() +
+                  path + " was made with another " + what + ": it has " + found + ", this run " +
+                      wanted + ". Use the old one, another --study, or --replace to start over");
+  };
+  check("configuration", stored.configuration, expected.configuration);
+  check("seed", std::to_string(stored.seed), std::to_string(expected.seed));
+  check("plugins", results::JsonText(stored.plugins), results::JsonText(expected.plugins));
+  if (stored.instruction_set != expected.instruction_set && !job.force) {
+    throw Failure(ExitCode::kPluginRefused,
+                  path + " was made with the instruction set " + stored.instruction_set +
+                      ", this process has " + expected.instruction_set +
                       "; the bits would differ. Resume on the old kind of machine, or go on "
                       "with `runner resume --force`");
   }
@@ -125,7 +119,7 @@ std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string
     Evaluation::Options options;
     options.threads = job.evaluation_threads;
     options.agent = job.agent_checkpoint;
-    options.checkpoint_header = CheckpointHeader(job.spec, uuid);
+    options.header = HeaderOf(job.spec, uuid);
     return std::make_unique<Evaluation>(job.spec, options, writer, job.folder);
   }
   Experiment::Options options;
@@ -133,7 +127,7 @@ std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string
   options.threads = &grant.threads();
   options.log_decisions = job.log_decisions;
   options.record_trees = job.record_trees;
-  options.checkpoint_header = CheckpointHeader(job.spec, uuid);
+  options.header = HeaderOf(job.spec, uuid);
   return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
 }
 
@@ -160,8 +154,8 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
                                               std::to_string(run->last_segment));
   }
   auto [loaded, point] =
-      FindResumption(database.get(), *run, job.spec, job.folder, CheckpointPart::kWhole);
-  if (loaded) CheckHeader(loaded->sections, job, loaded->path);
+      FindResumption(database.get(), *run, job.spec, job.folder, CheckpointFolder::Extent::kWhole);
+  if (loaded) CheckHeader(loaded->checkpoint, job);
 
   results::RunWriter writer(database.get(), job.run_id);
   results::SegmentInfo segment;
@@ -183,9 +177,9 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
                         skipped.damaged ? "damaged_checkpoint" : "unused_checkpoint", skipped.why);
         std::cerr << "warning: " << skipped.why << "\n";
       }
-      procedure->Load(loaded->sections);
+      procedure->Load(loaded->checkpoint);
       writer.AddEvent(static_cast<std::int64_t>(procedure->env_step()), "info", "resume",
-                      "from " + loaded->path.filename().string());
+                      "from " + loaded->checkpoint.path().filename().string());
       std::cerr << "resumed at environment step " << procedure->env_step() << "\n";
       loaded.reset();
     }

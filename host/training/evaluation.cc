@@ -10,16 +10,19 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/plugins/catalogue.h"
-#include "host/saving/byte_buffer.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
+namespace {
+
+constexpr PartName kPositionPart{"evaluation", 1};
+
+}  // namespace
 
 EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& spec,
-                                   const CheckpointSections& agent, std::uint32_t model_threads,
-                                   std::size_t episodes)
+                                   const std::optional<Checkpoint>& agent,
+                                   std::uint32_t model_threads, std::size_t episodes)
     : env_step_(spec.evaluation->env_step) {
   for (std::size_t i = 0; i < episodes; ++i) {
     environments_.push_back(components.MakeEnvironment());
@@ -29,33 +32,34 @@ EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& 
   behaviour_ = components.MakeBehaviour(task, model_threads);
   model_ = components.MakeModel(task, model_threads, model_environment_.get(), behaviour_.get());
   if (behaviour_ != nullptr) {
-    LoadModel(agent, spec.evaluation->behaviour->name(), behaviour_.get());
-  } else if (!agent.empty()) {
-    LoadModel(agent, spec.model.name(), model_.get());
+    LoadModel(*agent, spec.evaluation->behaviour->name(), behaviour_.get());
+  } else if (agent) {
+    LoadModel(*agent, spec.model.name(), model_.get());
   }
   joint_ = std::make_unique<JointModel>(model_.get(), episodes);
   players_ = std::make_unique<EpisodePlayers>(EpisodePlayers::PartsOf(
       spec, components, EpisodePlayers::Who::kPlanner, joint_.get(), &environments_));
 }
 
-CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
-  if (spec.evaluation->parent_uuid.empty()) return {};
-  CheckpointSections sections;
+std::optional<Checkpoint> OpenAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
+  if (spec.evaluation->parent_uuid.empty()) return std::nullopt;
+  std::optional<Checkpoint> agent;
+  std::string found;
   try {
-    sections = ReadCheckpointFile(checkpoint);
+    agent.emplace(checkpoint);
+    found = ModelSha256(*agent);
   } catch (const Failure& error) {
     throw Failure(error.code(), std::string(error.what()) +
                                     ": the trained run has gone on or its files were moved. "
                                     "`runner eval` again takes its newest checkpoint");
   }
-  const std::string found = Sha256Hex(sections["model"]);
   if (found != spec.evaluation->agent_sha256) {
     throw Failure(ExitCode::kBadInput, checkpoint.string() +
                                            " holds another agent: expected SHA-256 " +
                                            spec.evaluation->agent_sha256 + ", found " + found +
                                            ". `runner eval` again takes what is there now");
   }
-  return sections;
+  return agent;
 }
 
 // An episode that has ended.
@@ -134,25 +138,23 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
     metric_ids_.push_back(
         writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
   }
-  metric_sums_.resize(metric_ids_.size());
+  at_.metric_sums.resize(metric_ids_.size());
 }
 
 Evaluation::~Evaluation() = default;
 
-void Evaluation::Load(const CheckpointSections& sections) {
-  ByteReader reader(sections.at("position"), "checkpoint section 'position'");
-  at_ = reader.Value<Position>();
-  reader.ArrayInto(metric_sums_.data(), metric_sums_.size());
+void Evaluation::Load(const Checkpoint& checkpoint) {
+  checkpoint.Read(kPositionPart, [&](StateReader* reader) {
+    at_.Fields(reader);
+    if (at_.metric_sums.size() == metric_ids_.size()) return;
+    reader->Refuse("field 'metric_sums': expected " + std::to_string(metric_ids_.size()) +
+                   " entries, found " + std::to_string(at_.metric_sums.size()));
+  });
 }
 
-results::ResumePoint Evaluation::ResumePointOf(const CheckpointSections& sections,
+results::ResumePoint Evaluation::ResumePointOf(const Checkpoint& checkpoint,
                                                std::uint64_t env_step) {
-  const auto found = sections.find("position");
-  if (found == sections.end()) {
-    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'position'");
-  }
-  ByteReader reader(found->second, "checkpoint section 'position'");
-  const auto position = reader.Value<Position>();
+  const auto position = checkpoint.Value<Position>(kPositionPart);
   results::ResumePoint point;
   point.env_step = static_cast<std::int64_t>(env_step);
   point.search_evaluation_episodes = static_cast<std::int64_t>(position.episodes);
@@ -168,30 +170,30 @@ void Evaluation::Record(const Played& played, double seconds) {
   at_.env_steps += static_cast<std::uint64_t>(played.row.length);
   at_.return_sum += played.row.episode_return;
   at_.seconds = seconds;
-  for (std::size_t i = 0; i < metric_sums_.size(); ++i) {
-    metric_sums_[i] += played.metric_sums[i];
+  for (std::size_t i = 0; i < at_.metric_sums.size(); ++i) {
+    at_.metric_sums[i] += played.metric_sums[i];
     writer_->AddScalar(static_cast<std::int64_t>(env_step()), metric_ids_[i],
-                       metric_sums_[i] / static_cast<double>(at_.decisions));
+                       at_.metric_sums[i] / static_cast<double>(at_.decisions));
   }
   writer_->AddTimeUse(static_cast<std::int64_t>(env_step()), "evaluation", seconds);
   writer_->SetProgress(static_cast<std::int64_t>(env_step()));
   writer_->Commit();
   at_.events = static_cast<std::uint64_t>(writer_->events());
-  ByteWriter position;
-  position.Value(at_);
-  position.Vector(metric_sums_);
-  CheckpointSections sections;
-  sections["header"] = options_.checkpoint_header;
-  sections["position"] = std::move(position).bytes();
-  AddRowSums(*writer_, &sections);
-  CheckpointFolder(folder_).Write(at_.episodes, sections, at_.episodes - 1);
+  CheckpointFolder(folder_).Write(
+      at_.episodes,
+      [&](CheckpointWriter* checkpoint) {
+        checkpoint->Value(kHeaderPart, options_.header);
+        checkpoint->Value(kPositionPart, at_);
+        AddRowSums(*writer_, checkpoint);
+      },
+      at_.episodes - 1);
 }
 
 Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
   const double started = ActivityClock::Now();
   const double seconds_before = at_.seconds;
   const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
-  const CheckpointSections agent = ReadAgent(spec_, options_.agent);
+  const std::optional<Checkpoint> agent = OpenAgent(spec_, options_.agent);
   const std::uint64_t left = episodes - at_.episodes;
   const std::uint64_t threads = std::min<std::uint64_t>(std::max(options_.threads, 1u), left);
   const std::uint64_t together =
@@ -208,7 +210,7 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
     EpisodeCourse course;
     course.next = [&] {
       const std::optional<std::uint64_t> index = stage.Take();
-      if (index) playing[*index].metric_sums.resize(metric_sums_.size());
+      if (index) playing[*index].metric_sums.resize(at_.metric_sums.size());
       return index;
     };
     course.go_on = [&](std::uint64_t index, std::uint64_t) { return stage.MayGoOn(index); };

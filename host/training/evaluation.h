@@ -14,6 +14,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,11 +31,10 @@ namespace dreamsearch {
 // A trained agent, ready to play evaluation episodes.
 class EvaluationPlayer {
  public:
-  // agent: the sections of the trained run's checkpoint; not read if the evaluation
-  // names no trained run. `model_threads` as for Model::SetThreads. `episodes`: as many
-  // are played side by side.
+  // agent: the trained run's checkpoint; nothing if the evaluation names no trained run.
+  // `model_threads` as for Model::SetThreads. `episodes`: as many are played side by side.
   EvaluationPlayer(const Components& components, const RunSpec& spec,
-                   const CheckpointSections& agent, std::uint32_t model_threads,
+                   const std::optional<Checkpoint>& agent, std::uint32_t model_threads,
                    std::size_t episodes);
 
   void Play(const EpisodeCourse& course) { players_->Play(course, env_step_); }
@@ -49,16 +49,16 @@ class EvaluationPlayer {
   std::unique_ptr<EpisodePlayers> players_;
 };
 
-// The trained run's checkpoint, checked against what the evaluation names; empty if
+// The trained run's checkpoint, checked against what the evaluation names; nothing if
 // it names no trained run.
-CheckpointSections ReadAgent(const RunSpec& spec, const std::filesystem::path& checkpoint);
+std::optional<Checkpoint> OpenAgent(const RunSpec& spec, const std::filesystem::path& checkpoint);
 
 class Evaluation final : public Procedure {
  public:
   struct Options {
-    std::uint32_t threads = 1;      // groups of episodes at once
-    std::filesystem::path agent;    // the trained run's checkpoint; empty for none
-    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
+    std::uint32_t threads = 1;    // groups of episodes at once
+    std::filesystem::path agent;  // the trained run's checkpoint; empty for none
+    CheckpointHeader header;      // of every checkpoint, read by whoever resumes
   };
 
   // `writer` receives the rows; it must have an open segment.
@@ -66,26 +66,37 @@ class Evaluation final : public Procedure {
              std::filesystem::path folder);
   ~Evaluation() override;
 
-  void Load(const CheckpointSections& sections) override;
+  void Load(const Checkpoint& checkpoint) override;
   Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
   std::uint64_t env_step() const override { return spec_.evaluation->env_step; }
 
   // What a resume needs to know of a checkpoint.
-  static results::ResumePoint ResumePointOf(const CheckpointSections& sections,
-                                            std::uint64_t env_step);
+  static results::ResumePoint ResumePointOf(const Checkpoint& checkpoint, std::uint64_t env_step);
 
  private:
   struct Played;
   class Stage;
 
-  // What is recorded so far; saved as it is.
+  // What is recorded so far.
   struct Position {
     std::uint64_t episodes = 0;
     std::uint64_t decisions = 0;
     std::uint64_t env_steps = 0;  // played
     std::uint64_t events = 0;
     double return_sum = 0;
-    double seconds = 0;  // of wall time, all segments
+    double seconds = 0;               // of wall time, all segments
+    std::vector<double> metric_sums;  // over all recorded decisions
+
+    template <typename Archive>
+    void Fields(Archive* archive) {
+      (*archive)("episodes", &episodes);
+      (*archive)("decisions", &decisions);
+      (*archive)("env_steps", &env_steps);
+      (*archive)("events", &events);
+      (*archive)("return_sum", &return_sum);
+      (*archive)("seconds", &seconds);
+      (*archive)("metric_sums", &metric_sums);
+    }
   };
 
   void Record(const Played& played, double seconds);
@@ -96,7 +107,6 @@ class Evaluation final : public Procedure {
   const std::filesystem::path folder_;
   Components components_;
   std::vector<std::int64_t> metric_ids_;
-  std::vector<double> metric_sums_;  // over all recorded decisions
   Position at_;
 };
 

@@ -4,22 +4,41 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <system_error>
+#include <utility>
+#include <vector>
 
-#include "host/saving/byte_buffer.h"
 #include "host/settings/schedule.h"
 #include "host/training/resumption.h"
 #include "results/system/digest.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-constexpr char kTreePrefix[] = "tree ";
+constexpr PartName kPositionPart{"training", 1};
+constexpr PartName kReplayPart{"replay", 1};
+constexpr PartName kEpisodePart{"episode", 1};
+constexpr PartName kTreesPart{"trees", 1};
+
+template <typename Archive>
+void VisitTrees(Archive* archive, Experiment::Trees* trees) {
+  std::vector<std::pair<std::uint64_t, std::string>> items(trees->begin(), trees->end());
+  std::uint64_t count = items.size();
+  (*archive)("count", &count);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    if (i == items.size()) items.emplace_back();
+    (*archive)("decision", &items[i].first);
+    (*archive)("tree", &items[i].second);
+  }
+  *trees = {items.begin(), items.end()};
+}
+
+void SaveTrees(Experiment::Trees trees, CheckpointWriter* file) {
+  file->Part(kTreesPart, [&](StateWriter* part) { VisitTrees(part, &trees); });
+}
 
 // The database counts in signed 64-bit integers.
 std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
@@ -241,8 +260,10 @@ std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,
   return folder / ("trees-" + std::to_string(episode) + ".trees");
 }
 
-std::string Experiment::TreeSection(std::uint64_t decision) {
-  return kTreePrefix + std::to_string(decision);
+Experiment::Trees Experiment::ReadTrees(const std::filesystem::path& path) {
+  Trees trees;
+  Checkpoint(path).Read(kTreesPart, [&](StateReader* part) { VisitTrees(part, &trees); });
+  return trees;
 }
 
 void Experiment::KeepTree(const Decision& decision) {
@@ -256,15 +277,15 @@ void Experiment::KeepTree(const Decision& decision) {
   nlohmann::json json =
       TreeJson(tree_, agent_->action(), decision, agent_->metrics(), components_.planner().metrics);
   json["env_step"] = at_.env_step;
-  trees_[TreeSection(episode_.t)] = results::JsonText(json);
+  trees_[episode_.t] = results::JsonText(json);
 }
 
 void Experiment::FinishEpisode() {
   const ActivityScope scope(&clock_, Activity::kRecording);
   if (!trees_.empty()) {
-    const std::filesystem::path path = TreesPath(folder_, at_.training_episodes);
-    WriteCheckpointFile(path, trees_);
-    AddArtifact(path, "trees");
+    AddArtifact(WriteCheckpointFile(TreesPath(folder_, at_.training_episodes),
+                                    [&](CheckpointWriter* file) { SaveTrees(trees_, file); }),
+                "trees");
     trees_.clear();
   }
   replay_.EndEpisode();
@@ -443,96 +464,100 @@ void Experiment::WriteCheckpoint(bool with_replay) {
   const std::uint64_t before = at_.checkpoint_env_step;
   at_.checkpoint_env_step = at_.env_step;
   at_.events = static_cast<std::uint64_t>(writer_->events());
-  CheckpointSections sections = Save(with_replay);
-  AddRowSums(*writer_, &sections);
-  const std::filesystem::path path =
-      CheckpointFolder(folder_).Write(at_.env_step, sections, before);
-  AddArtifact(path, "checkpoint");
+  const WrittenFile written = CheckpointFolder(folder_).Write(
+      at_.env_step,
+      [&](CheckpointWriter* checkpoint) {
+        Save(checkpoint, with_replay);
+        AddRowSums(*writer_, checkpoint);
+      },
+      before);
+  AddArtifact(written, "checkpoint");
   writer_->Commit();
 }
 
-void Experiment::AddArtifact(const std::filesystem::path& path, const std::string& kind) {
-  writer_->AddArtifact(path.string(), kind, Signed(at_.env_step),
-                       Signed(std::filesystem::file_size(path)), Sha256HexOfFile(path.string()));
+void Experiment::AddArtifact(const WrittenFile& file, const std::string& kind) {
+  writer_->AddArtifact(file.path.string(), kind, Signed(at_.env_step), Signed(file.bytes),
+                       file.sha256);
 }
 
 void Experiment::DumpDivergence(const std::string& message) {
   writer_->AddEvent(Signed(at_.env_step), "error", "divergence", message);
-  const std::filesystem::path path =
-      folder_ / ("divergence-" + std::to_string(at_.env_step) + ".ckpt");
   try {
-    WriteCheckpointFile(path, Save(true));
-    AddArtifact(path, "divergence");
+    AddArtifact(
+        WriteCheckpointFile(folder_ / ("divergence-" + std::to_string(at_.env_step) + ".ckpt"),
+                            [&](CheckpointWriter* checkpoint) { Save(checkpoint, true); }),
+        "divergence");
   } catch (const Failure& error) {
     writer_->AddEvent(Signed(at_.env_step), "warning", "no_state_dump", error.what());
   }
   writer_->Commit();
 }
 
-CheckpointSections Experiment::Save(bool with_replay) const {
-  CheckpointSections sections;
-  sections["header"] = options_.checkpoint_header;
-  StringSink model;
-  ThrowUnlessOk(model_->Save(&model), "model '" + spec_.model.name() + "' Save");
-  sections["model"] = std::move(model.bytes);
-
-  ByteWriter position;
-  position.Value(at_);
-  position.Value(const_cast<ActivityClock&>(clock_).Totals());
-  position.Vector(burst_metrics_);
-  sections["position"] = std::move(position).bytes();
-
-  if (with_replay) sections["replay"] = replay_.Save();
-  if (at_.stage == Stage::kEpisode) {
-    ByteWriter episode;
-    episode.Value(episode_);
-    episode.Vector(observation_);
-    episode.Vector(action_);
-    episode.Vector(episode_actions_);
-    episode.Vector(plan_us_);
-    episode.Vector(episode_metrics_);
-    std::vector<std::byte> state(environment_->spec().state_bytes);
-    if (!state.empty()) {
-      ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
-                    "environment '" + spec_.environment.name() + "' SaveState");
-    }
-    episode.Vector(state);
-    agent_->Save(&episode);
-    sections["episode"] = std::move(episode).bytes();
-    sections.insert(trees_.begin(), trees_.end());
+void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
+  checkpoint->Value(kHeaderPart, options_.header);
+  checkpoint->Part(kPositionPart, [&](StateWriter* part) {
+    Position(at_).Fields(part);
+    part->Array("activity_seconds", const_cast<ActivityClock&>(clock_).Totals().data(),
+                kActivities);
+    (*part)("burst_metrics", &burst_metrics_);
+  });
+  SaveModel(*model_, spec_.model.name(), checkpoint);
+  if (with_replay) {
+    checkpoint->Part(kReplayPart, [&](StateWriter* part) { replay_.Save(part); });
   }
-  return sections;
+  if (at_.stage == Stage::kEpisode) {
+    checkpoint->Part(kEpisodePart, [&](StateWriter* part) { SaveEpisode(part); });
+    SaveTrees(trees_, checkpoint);
+  }
 }
 
-void Experiment::Load(const CheckpointSections& sections) {
-  const auto section = [&](const char* name) -> const std::string& {
-    const auto found = sections.find(name);
-    if (found == sections.end()) {
-      throw Failure(ExitCode::kBadInput,
-                    std::string("the checkpoint has no section '") + name + "'");
-    }
-    return found->second;
-  };
-  LoadModel(sections, spec_.model.name(), model_.get());
-
-  ByteReader position(section("position"), "checkpoint section 'position'");
-  at_ = position.Value<Position>();
-  clock_.set_totals(position.Value<ActivityClock::Seconds>());
-  position.ArrayInto(burst_metrics_.data(), burst_metrics_.size());
-  if (sections.count("replay") != 0) replay_.Load(section("replay"));
-
-  if (at_.stage != Stage::kEpisode) return;
-  for (const auto& [name, bytes] : sections) {
-    if (name.starts_with(kTreePrefix)) trees_[name] = bytes;
+void Experiment::SaveEpisode(StateWriter* part) const {
+  EpisodeState(episode_).Fields(part);
+  (*part)("observation", &observation_);
+  (*part)("action", &action_);
+  (*part)("actions", &episode_actions_);
+  (*part)("plan_us", &plan_us_);
+  (*part)("metric_sums", &episode_metrics_);
+  std::vector<std::byte> state(environment_->spec().state_bytes);
+  if (!state.empty()) {
+    ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
+                  "environment '" + spec_.environment.name() + "' SaveState");
   }
-  ByteReader episode(section("episode"), "checkpoint section 'episode'");
-  episode_ = episode.Value<EpisodeState>();
-  episode.ArrayInto(observation_.data(), observation_.size());
-  episode.ArrayInto(action_.data(), action_.size());
-  episode_actions_ = episode.Vector<double>();
-  plan_us_ = episode.Vector<double>();
-  episode_metrics_ = episode.Vector<double>();
-  const std::vector<std::byte> state = episode.Vector<std::byte>();
+  (*part)("environment_state", &state);
+  agent_->Save(part);
+}
+
+void Experiment::Load(const Checkpoint& checkpoint) {
+  LoadModel(checkpoint, spec_.model.name(), model_.get());
+  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+    at_.Fields(part);
+    if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
+    ActivityClock::Seconds seconds{};
+    part->Array("activity_seconds", seconds.data(), kActivities);
+    clock_.set_totals(seconds);
+    part->Array("burst_metrics", burst_metrics_.data(), burst_metrics_.size());
+  });
+  if (checkpoint.Has(kReplayPart)) {
+    checkpoint.Read(kReplayPart, [&](StateReader* part) { replay_.Load(part); });
+  }
+  if (at_.stage != Stage::kEpisode) return;
+  checkpoint.Read(kTreesPart, [&](StateReader* part) { VisitTrees(part, &trees_); });
+  checkpoint.Read(kEpisodePart, [&](StateReader* part) { LoadEpisode(part); });
+}
+
+void Experiment::LoadEpisode(StateReader* part) {
+  episode_.Fields(part);
+  part->Array("observation", observation_.data(), observation_.size());
+  part->Array("action", action_.data(), action_.size());
+  (*part)("actions", &episode_actions_);
+  if (episode_actions_.size() != episode_.t * action_.size()) {
+    part->Refuse("field 'actions': expected those of " + std::to_string(episode_.t) +
+                 " decisions, found " + std::to_string(episode_actions_.size()) + " numbers");
+  }
+  (*part)("plan_us", &plan_us_);
+  part->Array("metric_sums", episode_metrics_.data(), episode_metrics_.size());
+  std::vector<std::byte> state(environment_->spec().state_bytes);
+  part->Array("environment_state", state.data(), state.size());
   if (!state.empty()) {
     ThrowUnlessOk(environment_->RestoreState({state.data(), state.size()}),
                   "environment '" + spec_.environment.name() + "' RestoreState");
@@ -551,16 +576,18 @@ void Experiment::Load(const CheckpointSections& sections) {
                  spec_.action_repeat(), view);
     }
   }
-  agent_->Load(&episode);
+  agent_->Load(part);
 }
 
-results::ResumePoint Experiment::ResumePointOf(const CheckpointSections& sections) {
-  const auto found = sections.find("position");
-  if (found == sections.end()) {
-    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'position'");
-  }
-  ByteReader reader(found->second, "checkpoint section 'position'");
-  const auto position = reader.Value<Position>();
+results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {
+  Position position;
+  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+    position.Fields(part);
+    ActivityClock::Seconds seconds{};
+    part->Array("activity_seconds", seconds.data(), kActivities);
+    std::vector<double> burst_metrics;
+    (*part)("burst_metrics", &burst_metrics);
+  });
   results::ResumePoint point;
   point.env_step = Signed(position.env_step);
   point.training_episodes = Signed(position.training_episodes);

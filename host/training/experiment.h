@@ -16,6 +16,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,7 +45,7 @@ class Experiment final : public Procedure {
     bool log_decisions = false;
     bool record_trees = false;                      // keep the training decisions' search trees
     double segment_started = ActivityClock::Now();  // from when wall time is accounted
-    std::string checkpoint_header;  // kept in every checkpoint, read by whoever resumes
+    CheckpointHeader header;                        // of every checkpoint, read by whoever resumes
   };
   // `writer` receives the rows; it must have an open segment.
   Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
@@ -54,26 +55,26 @@ class Experiment final : public Procedure {
   Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) override;
 
   // The state, `with_replay` unless it is the last checkpoint of a finished run.
-  CheckpointSections Save(bool with_replay) const;
-  void Load(const CheckpointSections& sections) override;
+  void Save(CheckpointWriter* checkpoint, bool with_replay) const;
+  void Load(const Checkpoint& checkpoint) override;
 
   std::uint64_t env_step() const override { return at_.env_step; }
   const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
 
-  // The file in a run's folder with the trees of a training episode: a checkpoint file
-  // with a section TreeSection(t) for each decision t whose planner reported a tree,
-  // TreeJson with `env_step`.
+  // The trees of a training episode: of each decision whose planner reported one, TreeJson
+  // with `env_step`. They are kept in a file in the run's folder, laid out as a checkpoint.
+  using Trees = std::map<std::uint64_t, std::string>;
   static std::filesystem::path TreesPath(const std::filesystem::path& folder,
                                          std::uint64_t episode);
-  static std::string TreeSection(std::uint64_t decision);
+  static Trees ReadTrees(const std::filesystem::path& path);
 
   // What a resume needs to know of a checkpoint without making the components.
-  static results::ResumePoint ResumePointOf(const CheckpointSections& sections);
+  static results::ResumePoint ResumePointOf(const Checkpoint& checkpoint);
 
  private:
   enum class Stage : std::uint32_t { kEpisodeStart, kEpisode, kLearn, kEvaluate, kDone };
 
-  // The counters that decide what comes next; saved as they are.
+  // The counters that decide what comes next.
   struct Position {
     std::uint64_t env_step = 0;
     std::uint64_t decisions = 0;
@@ -91,7 +92,26 @@ class Experiment final : public Procedure {
     double last_training_return = 0;
     double last_evaluation_return = 0;
     Stage stage = Stage::kEvaluate;
-    std::uint32_t reserved = 0;
+
+    template <typename Archive>
+    void Fields(Archive* archive) {
+      (*archive)("env_step", &env_step);
+      (*archive)("decisions", &decisions);
+      (*archive)("training_episodes", &training_episodes);
+      (*archive)("evaluations", &evaluations);
+      (*archive)("evaluation_episodes", &evaluation_episodes);
+      (*archive)("events", &events);
+      (*archive)("evaluated_mark", &evaluated_mark);
+      (*archive)("updates", &updates);
+      (*archive)("pending_updates", &pending_updates);
+      (*archive)("learned_env_step", &learned_env_step);
+      (*archive)("checkpoint_env_step", &checkpoint_env_step);
+      (*archive)("pretrained", &pretrained);
+      (*archive)("burst_updates", &burst_updates);
+      (*archive)("last_training_return", &last_training_return);
+      (*archive)("last_evaluation_return", &last_evaluation_return);
+      (*archive)("stage", &stage);
+    }
   };
 
   // The episode under way.
@@ -103,6 +123,17 @@ class Experiment final : public Procedure {
     double wall_seconds = 0;
     std::uint64_t transitions_before = 0;
     std::uint64_t digest = 0;
+
+    template <typename Archive>
+    void Fields(Archive* archive) {
+      (*archive)("t", &t);
+      (*archive)("length", &length);
+      (*archive)("random", &random);
+      (*archive)("episode_return", &episode_return);
+      (*archive)("wall_seconds", &wall_seconds);
+      (*archive)("transitions_before", &transitions_before);
+      (*archive)("digest", &digest);
+    }
   };
 
   void BeginEpisode();
@@ -121,7 +152,9 @@ class Experiment final : public Procedure {
   void RecordTimeUse();
   void WriteCheckpoint(bool with_replay);
   void Watch(const char* stage);
-  void AddArtifact(const std::filesystem::path& path, const std::string& kind);
+  void AddArtifact(const WrittenFile& file, const std::string& kind);
+  void SaveEpisode(StateWriter* part) const;
+  void LoadEpisode(StateReader* part);
   void DumpDivergence(const std::string& message);
 
   const RunSpec spec_;
@@ -155,7 +188,7 @@ class Experiment final : public Procedure {
   std::vector<double> burst_metrics_;    // sums over the updates since the last record
   std::vector<double> metrics_;
   TreeCollector tree_;
-  CheckpointSections trees_;  // of this episode, by TreeSection
+  Trees trees_;  // of this episode
 
   std::vector<std::int64_t> planner_metric_ids_;
   std::vector<std::int64_t> model_metric_ids_;

@@ -29,7 +29,7 @@ class Procedure {
   virtual ~Procedure() = default;
 
   // Goes on from what a checkpoint of it holds; comes before Run.
-  virtual void Load(const CheckpointSections& sections) = 0;
+  virtual void Load(const Checkpoint& checkpoint) = 0;
   // Runs to the end, or until *stop is set: then a checkpoint holds everything.
   virtual Outcome Run(const std::atomic<bool>* stop, const Watcher& watcher) = 0;
   // Environment steps of training made, or those that an evaluation evaluates.

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "dreamsearch/random.h"
-#include "host/saving/byte_buffer.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
@@ -134,45 +133,61 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
   return batch;
 }
 
-std::string Replay::Save() const {
-  ByteWriter writer;
-  writer.Value(observation_size_);
-  writer.Value(action_size_);
-  writer.Value(rows_);
-  writer.Array(episodes_.data(), episodes_.size());
-  writer.Array(observations_.data(), rows_ * observation_size_);
-  writer.Array(actions_.data(), rows_ * action_size_);
-  writer.Array(rewards_.data(), rows_);
-  writer.Array(discounts_.data(), rows_);
-  writer.Array(is_first_.data(), rows_);
-  return std::move(writer).bytes();
+void Replay::Save(StateWriter* writer) const {
+  (*writer)("observation_size", &observation_size_);
+  (*writer)("action_size", &action_size_);
+  (*writer)("rows", &rows_);
+  std::vector<std::uint64_t> first, rows, finished;
+  for (const Episode& episode : episodes_) {
+    first.push_back(episode.first);
+    rows.push_back(episode.rows);
+    finished.push_back(episode.finished);
+  }
+  (*writer)("episode_first", &first);
+  (*writer)("episode_rows", &rows);
+  (*writer)("episode_finished", &finished);
+  writer->Array("observations", observations_.data(), rows_ * observation_size_);
+  writer->Array("actions", actions_.data(), rows_ * action_size_);
+  writer->Array("rewards", rewards_.data(), rows_);
+  writer->Array("discounts", discounts_.data(), rows_);
+  writer->Array("is_first", is_first_.data(), rows_);
 }
 
-void Replay::Load(const std::string& bytes) {
-  ByteReader reader(bytes, "replay");
-  const auto observation_size = reader.Value<std::uint64_t>();
-  const auto action_size = reader.Value<std::uint64_t>();
-  const auto rows = reader.Value<std::uint64_t>();
+void Replay::Load(StateReader* reader) {
+  std::uint64_t observation_size = 0, action_size = 0, rows = 0;
+  (*reader)("observation_size", &observation_size);
+  (*reader)("action_size", &action_size);
+  (*reader)("rows", &rows);
   if (observation_size != observation_size_ || action_size != action_size_ || rows > capacity_) {
-    throw Failure(ExitCode::kBadInput,
-                  "the checkpoint's replay does not fit: observations of " +
-                      std::to_string(observation_size) + ", actions of " +
-                      std::to_string(action_size) + ", " + std::to_string(rows) +
-                      " rows; expected " + std::to_string(observation_size_) + ", " +
-                      std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
+    reader->Refuse("the replay does not fit: observations of " + std::to_string(observation_size) +
+                   ", actions of " + std::to_string(action_size) + ", " + std::to_string(rows) +
+                   " rows; expected " + std::to_string(observation_size_) + ", " +
+                   std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
   }
-  std::vector<Episode> episodes = reader.Vector<Episode>();
-  reader.ArrayInto(observations_.data(), rows * observation_size_);
-  reader.ArrayInto(actions_.data(), rows * action_size_);
-  reader.ArrayInto(rewards_.data(), rows);
-  reader.ArrayInto(discounts_.data(), rows);
-  reader.ArrayInto(is_first_.data(), rows);
+  std::vector<std::uint64_t> first, lengths, finished;
+  (*reader)("episode_first", &first);
+  (*reader)("episode_rows", &lengths);
+  (*reader)("episode_finished", &finished);
+  std::vector<Episode> episodes(first.size());
+  std::uint64_t finished_rows = 0, next = 0;
+  bool fits = lengths.size() == first.size() && finished.size() == first.size();
+  for (std::size_t i = 0; fits && i < first.size(); ++i) {
+    fits = first[i] == next && lengths[i] <= rows - next && finished[i] <= 1;
+    next += lengths[i];
+    episodes[i] = {first[i], lengths[i], finished[i]};
+    if (finished[i] != 0) finished_rows += lengths[i];
+  }
+  if (!fits || next != rows) {
+    reader->Refuse("the replay's episodes are not its " + std::to_string(rows) + " rows");
+  }
+  reader->Array("observations", observations_.data(), rows * observation_size_);
+  reader->Array("actions", actions_.data(), rows * action_size_);
+  reader->Array("rewards", rewards_.data(), rows);
+  reader->Array("discounts", discounts_.data(), rows);
+  reader->Array("is_first", is_first_.data(), rows);
   rows_ = rows;
   episodes_ = std::move(episodes);
-  finished_rows_ = 0;
-  for (const Episode& episode : episodes_) {
-    if (episode.finished) finished_rows_ += episode.rows;
-  }
+  finished_rows_ = finished_rows;
 }
 
 }  // namespace dreamsearch

@@ -5,15 +5,15 @@
 // led to. Only finished episodes are drawn from.
 //
 // Memory   all of it is reserved at construction.
-// Errors   Failure; nothing is changed by a call that throws.
+// Errors   Failure; but for Load nothing is changed by a call that throws.
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "dreamsearch/model.h"
 #include "dreamsearch/view.h"
+#include "host/saving/state.h"
 
 namespace dreamsearch {
 
@@ -41,8 +41,10 @@ class Replay {
   // memory until the next call.
   SequenceBatch Sample(std::uint64_t sequences, std::uint64_t length, std::uint64_t seed);
 
-  std::string Save() const;
-  void Load(const std::string& bytes);
+  // Straight from and to the rows' own memory. After a Load that throws the replay may
+  // only be destroyed.
+  void Save(StateWriter* writer) const;
+  void Load(StateReader* reader);
 
  private:
   struct Episode {

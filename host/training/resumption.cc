@@ -1,31 +1,36 @@
 #include "host/training/resumption.h"
 
-#include <nlohmann/json.hpp>
-
 #include "host/plugins/catalogue.h"
-#include "host/saving/byte_buffer.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
 #include "host/training/provenance.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
 
-constexpr char kRows[] = "rows";
+constexpr PartName kRowsPart{"rows", 1};
+
+// The fields of row sums.
+struct Rows {
+  results::RowSums sums;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("steps", &sums.steps);
+    (*archive)("episodes", &sums.episodes);
+    (*archive)("steps_digest", &sums.steps_digest);
+    (*archive)("episodes_digest", &sums.episodes_digest);
+  }
+};
 
 // Environment step and counts from which the run goes on.
-results::ResumePoint ResumePointOf(const RunSpec& spec, const CheckpointSections& sections) {
-  results::ResumePoint point = spec.evaluation
-                                   ? Evaluation::ResumePointOf(sections, spec.evaluation->env_step)
-                                   : Experiment::ResumePointOf(sections);
-  const auto found = sections.find(kRows);
-  if (found == sections.end()) {
-    throw Failure(ExitCode::kBadInput, "the checkpoint has no section 'rows'");
-  }
-  point.rows = ByteReader(found->second, "checkpoint section 'rows'").Value<results::RowSums>();
+results::ResumePoint ResumePointOf(const RunSpec& spec, const Checkpoint& checkpoint) {
+  results::ResumePoint point =
+      spec.evaluation ? Evaluation::ResumePointOf(checkpoint, spec.evaluation->env_step)
+                      : Experiment::ResumePointOf(checkpoint);
+  point.rows = checkpoint.Value<Rows>(kRowsPart).sums;
   return point;
 }
 
@@ -45,37 +50,27 @@ Failure Refusal(ExitCode code, const results::Database& database, const results:
 
 }  // namespace
 
-std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid) {
-  nlohmann::json header;
-  header["run"] = uuid;
-  header["configuration"] = ConfigurationSha256(spec);
-  header["seed"] = spec.seed;
+CheckpointHeader HeaderOf(const RunSpec& spec, const std::string& uuid) {
+  CheckpointHeader header;
+  header.run = uuid;
+  header.configuration = ConfigurationSha256(spec);
+  header.seed = spec.seed;
+  header.instruction_set = InstructionSetInUse();
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    header["plugins"][component->info->plugin.name] = component->info->plugin.sha256;
+    header.plugins[component->info->plugin.name] = component->info->plugin.sha256;
   }
-  header["instruction_set"] = InstructionSetInUse();
-  return results::JsonText(header);
+  return header;
 }
 
-void AddRowSums(const results::RunWriter& writer, CheckpointSections* sections) {
-  ByteWriter rows;
-  rows.Value(writer.rows());
-  (*sections)[kRows] = std::move(rows).bytes();
+void AddRowSums(const results::RunWriter& writer, CheckpointWriter* checkpoint) {
+  checkpoint->Value(kRowsPart, Rows{writer.rows()});
 }
-
-bool HasRowSums(const CheckpointSections& sections) { return sections.count(kRows) != 0; }
 
 std::string WhyUnfit(results::Database* database, const results::RunInfo& run, const RunSpec& spec,
-                     const CheckpointSections& sections) {
-  const auto found = sections.find("header");
-  const nlohmann::json header =
-      results::ParseJsonOrDiscard(found != sections.end() ? found->second : std::string());
-  const auto uuid = header.is_object() ? header.find("run") : header.end();
-  if (uuid == header.end() || !uuid->is_string()) return "does not say of which run it is";
-  if (*uuid != run.uuid) {
-    return "is of the run " + uuid->get<std::string>() + ", not of " + run.uuid;
-  }
-  const results::ResumePoint point = ResumePointOf(spec, sections);
+                     const Checkpoint& checkpoint) {
+  const auto header = checkpoint.Value<CheckpointHeader>(kHeaderPart);
+  if (header.run != run.uuid) return "is of the run " + header.run + ", not of " + run.uuid;
+  const results::ResumePoint point = ResumePointOf(spec, checkpoint);
   const results::RowSums there = results::RowSumsAt(database, run.run_id, point);
   if (there == *point.rows) return "";
   if (there.steps == point.rows->steps && there.episodes == point.rows->episodes) {
@@ -87,17 +82,13 @@ std::string WhyUnfit(results::Database* database, const results::RunInfo& run, c
 
 Resumption FindResumption(results::Database* database, const results::RunInfo& run,
                           const RunSpec& spec, const std::filesystem::path& folder,
-                          CheckpointPart part) {
+                          CheckpointFolder::Extent extent) {
   Resumption resumption;
-  const auto judge = [&](const CheckpointSections& sections) {
-    return WhyUnfit(database, run, spec, sections);
-  };
-  const SectionFilter outline = [](const std::string& name) {
-    return name == "header" || name == "position" || name == kRows;
+  const auto judge = [&](const Checkpoint& checkpoint) {
+    return WhyUnfit(database, run, spec, checkpoint);
   };
   try {
-    resumption.checkpoint = CheckpointFolder(folder).LoadNewest(
-        judge, part == CheckpointPart::kOutline ? outline : SectionFilter());
+    resumption.checkpoint = CheckpointFolder(folder).LoadNewest(judge, extent);
   } catch (const Failure& error) {
     throw Refusal(error.code(), *database, run, error.what());
   }
@@ -117,7 +108,7 @@ Resumption FindResumption(results::Database* database, const results::RunInfo& r
         "it made the checkpoint " + made.string() + ", which is gone, and no other is there");
   }
   if (gone) resumption.checkpoint->skipped.push_back({false, made.string() + " is gone"});
-  resumption.point = ResumePointOf(spec, resumption.checkpoint->sections);
+  resumption.point = ResumePointOf(spec, resumption.checkpoint->checkpoint);
   return resumption;
 }
 

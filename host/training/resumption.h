@@ -3,7 +3,8 @@
 // A checkpoint continues a run if it names the run's UUID and if the database has the
 // decisions and episodes that it was made with: all of them, and with the values it saw
 // (results::RowSums). Of those that do, the newest is taken. Files and database may have
-// parted: one of them copied, put back, merged, moved or lost.
+// parted: one of them copied, put back, merged, moved or lost. Of an Extent of kOutline only
+// header and counts are read, not the large parts.
 //
 // Order    a process commits its rows, then renames the checkpoint that counts them into
 //          place, then commits the artifact row that names it. So whatever ends the
@@ -22,22 +23,16 @@
 
 namespace dreamsearch {
 
-// What a checkpoint says of itself, for the section "header".
-std::string CheckpointHeader(const RunSpec& spec, const std::string& uuid);
+// What a checkpoint of the run says of itself.
+CheckpointHeader HeaderOf(const RunSpec& spec, const std::string& uuid);
 
 // Adds to a checkpoint what the database had when it was made; after the commit of those
 // rows.
-void AddRowSums(const results::RunWriter& writer, CheckpointSections* sections);
-
-// Whether it does; checkpoints made before there were row sums have none.
-bool HasRowSums(const CheckpointSections& sections);
+void AddRowSums(const results::RunWriter& writer, CheckpointWriter* checkpoint);
 
 // Why the checkpoint does not continue the run; empty if it does.
 std::string WhyUnfit(results::Database* database, const results::RunInfo& run, const RunSpec& spec,
-                     const CheckpointSections& sections);
-
-// What of a checkpoint is needed. kOutline: header and counts, without the large sections.
-enum class CheckpointPart { kOutline, kWhole };
+                     const Checkpoint& checkpoint);
 
 struct Resumption {
   std::optional<CheckpointFolder::Loaded> checkpoint;  // nothing: from the start
@@ -48,6 +43,6 @@ struct Resumption {
 // checkpoint that is there continues the run, 66 if it had one and none is there. Changes nothing.
 Resumption FindResumption(results::Database* database, const results::RunInfo& run,
                           const RunSpec& spec, const std::filesystem::path& folder,
-                          CheckpointPart part);
+                          CheckpointFolder::Extent extent);
 
 }  // namespace dreamsearch

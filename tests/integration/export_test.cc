@@ -44,7 +44,7 @@ TEST_F(ExportTest, HoldsWhatTheModelExportsFromTheNewestCheckpoint) {
   const Components components(spec);
   const EnvironmentPtr environment = components.MakeEnvironment();
   const ModelPtr model = components.MakeModel(environment->spec(), 1, nullptr);
-  LoadModel(ReadCheckpointFile(folder + "/checkpoint-4000.ckpt"), "dreamer", model.get());
+  LoadModel(Checkpoint(folder + "/checkpoint-4000.ckpt"), "dreamer", model.get());
   TensorCollector expected;
   ASSERT_TRUE(model->Export(&expected).ok());
   ASSERT_GT(expected.tensors().size(), 10u);

@@ -80,6 +80,29 @@ TEST_F(ResumeTest, ARunWithoutItsSettingsGetsThemFromTheSameCommand) {
   EXPECT_EQ(Value("select status from run"), "finished");
 }
 
+TEST_F(ResumeTest, ACheckpointOfAnOlderRunnerIsRefusedWithASentenceAndNothingIsLost) {
+  ASSERT_EQ(Run("random", "").exit_status, 0);
+  place_.Query("r.db", "update run set status = 'interrupted', exit_code = 75");
+  for (const std::filesystem::path& path : Files(".ckpt")) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(7).put(1);  // the format
+  }
+  const std::string rows = "select count(*) from step";
+  const std::string before = Value(rows);
+  for (const ProgramResult& refused :
+       {place_.Runner({"resume", "1", "--db", "r.db"}), Run("random", "")}) {
+    EXPECT_EQ(refused.exit_status, 65) << refused.err;
+    EXPECT_NE(refused.err.find(Files(".ckpt").at(0).string() +
+                               " is a checkpoint of format 1, of another runner"),
+              std::string::npos)
+        << refused.err;
+    EXPECT_NE(refused.err.find("--retry --replace"), std::string::npos) << refused.err;
+  }
+  EXPECT_EQ(Value(rows), before);
+  EXPECT_EQ(Run("random", "", {"--retry", "--replace"}).exit_status, 0);
+  EXPECT_EQ(Value("select status from run"), "finished");
+}
+
 TEST_F(ResumeTest, WhatWasRecordedIsRecordedOn) {
   ASSERT_EQ(Run("random", "", {"--log-decisions", "--record-trees"}).exit_status, 0);
   const auto spec = [&] {
