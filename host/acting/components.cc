@@ -157,6 +157,7 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.action_repeat = spec_.action_repeat();
   context.episode_decisions =
       (environment.episode_steps + spec_.action_repeat() - 1) / spec_.action_repeat();
+  context.terminates = environment.terminates;
   context.seed = SeedFor(spec_.seed, SeedUse::kParameters, Phase::kTraining, 0, 0);
   context.environment = own_environment;
   context.behaviour = behaviour;

@@ -309,7 +309,8 @@ class Checker {
         break;
       }
       default:
-        Refuse(what + ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice) or 4 (text), found " +
+        Refuse(what +
+               ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice) or 4 (text), found " +
                std::to_string(static_cast<std::uint32_t>(parameter.type)));
     }
     CheckValue(what + ": its default", parameter, choices, parameter.default_number,

@@ -23,18 +23,25 @@ class Schedule {
     return std::max<std::uint64_t>(1, std::min<std::uint64_t>(10000, steps_ / 10));
   }
   std::uint64_t decisions_per_episode() const {
-    return CeilDivide(episode_steps_, spec_.action_repeat());
+    return CeilDivide(std::min(episode_steps_, steps_), spec_.action_repeat());
   }
   std::uint64_t training_episodes() const { return CeilDivide(steps_, episode_steps_); }
   std::uint64_t decisions() const {
     return steps_ / episode_steps_ * decisions_per_episode() +
            CeilDivide(steps_ % episode_steps_, spec_.action_repeat());
   }
-  // Rows of the replay: a decision and an episode's first observation are one each.
+  // Rows of the replay if no episode ends before its time limit: a decision and an episode's
+  // first observation are one each.
   std::uint64_t replay_rows() const {
     const std::uint64_t declared = spec_.run.Integer("replay_capacity");
     if (declared != 0) return declared;
     return training_episodes() * (decisions_per_episode() + 1);
+  }
+  // The most rows that the replay may hold: without a declared number all of the budget, also
+  // if each episode has a single decision.
+  std::uint64_t replay_capacity() const {
+    const std::uint64_t declared = spec_.run.Integer("replay_capacity");
+    return declared != 0 ? declared : 2 * CeilDivide(steps_, spec_.action_repeat()) + 2;
   }
   // Environment steps of the episodes that begin before run.prefill_steps.
   std::uint64_t random_steps() const {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -59,7 +60,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       model_(components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
-              Schedule(spec_, environment_->spec().episode_steps).replay_rows()),
+              Schedule(spec_, environment_->spec().episode_steps).replay_capacity()),
       eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
       clock_(options.segment_started),
       observation_(environment_->spec().observation_size),
@@ -251,8 +252,20 @@ void Experiment::MakeDecision() {
   }
   ++episode_.t;
   episode_.wall_seconds += ActivityClock::Now() - begin;
+  if (held.discount == 0 && ++at_.terminal_states == 1 && !environment_->spec().terminates) {
+    WarnOfTerminalState();
+  }
   if (!held.last) CheckLength(*environment_, spec_.environment.name(), episode_.length);
   if (held.last || at_.env_step >= target_) FinishEpisode();
+}
+
+void Experiment::WarnOfTerminalState() {
+  const std::string message =
+      "environment '" + spec_.environment.name() +
+      "' gave a terminal state (discount 0) although its spec says that it has none "
+      "(EnvironmentSpec::terminates); the model may learn values as if its episodes went on";
+  writer_->AddEvent(Signed(at_.env_step), "warning", "terminal_state", message);
+  std::cerr << "warning: " << message << "\n";
 }
 
 std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,

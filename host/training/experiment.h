@@ -79,6 +79,7 @@ class Experiment final : public Procedure {
     std::uint64_t env_step = 0;
     std::uint64_t decisions = 0;
     std::uint64_t training_episodes = 0;  // finished ones
+    std::uint64_t terminal_states = 0;    // that ended one of them
     std::uint64_t evaluations = 0;        // finished ones
     std::uint64_t evaluation_episodes = 0;
     std::uint64_t events = 0;          // events recorded by the checkpoint
@@ -98,6 +99,7 @@ class Experiment final : public Procedure {
       (*archive)("env_step", &env_step);
       (*archive)("decisions", &decisions);
       (*archive)("training_episodes", &training_episodes);
+      (*archive)("terminal_states", &terminal_states);
       (*archive)("evaluations", &evaluations);
       (*archive)("evaluation_episodes", &evaluation_episodes);
       (*archive)("events", &events);
@@ -138,6 +140,7 @@ class Experiment final : public Procedure {
 
   void BeginEpisode();
   void MakeDecision();
+  void WarnOfTerminalState();
   void FinishEpisode();
   void AdjustThreads();
   void MakeUpdate();

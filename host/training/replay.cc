@@ -5,18 +5,17 @@
 #include <cstring>
 #include <string>
 
-#include "dreamsearch/random.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
 
 Replay::Replay(std::uint64_t observation_size, std::uint64_t action_size, std::uint64_t capacity)
     : observation_size_(observation_size), action_size_(action_size), capacity_(capacity) {
-  observations_.resize(capacity * observation_size);
-  actions_.resize(capacity * action_size);
-  rewards_.resize(capacity);
-  discounts_.resize(capacity);
-  is_first_.resize(capacity);
+  observations_ = std::make_unique_for_overwrite<float[]>(capacity * observation_size);
+  actions_ = std::make_unique_for_overwrite<float[]>(capacity * action_size);
+  rewards_ = std::make_unique_for_overwrite<float[]>(capacity);
+  discounts_ = std::make_unique_for_overwrite<float[]>(capacity);
+  is_first_ = std::make_unique_for_overwrite<std::uint8_t[]>(capacity);
 }
 
 void Replay::BeginEpisode(View<const double> observation) {
@@ -41,9 +40,9 @@ void Replay::EndEpisode() {
 void Replay::Append(View<const double> action, double reward, double discount,
                     View<const double> observation, bool is_first) {
   assert(observation.size == observation_size_);
-  float* to = observations_.data() + rows_ * observation_size_;
+  float* to = observations_.get() + rows_ * observation_size_;
   for (std::uint64_t i = 0; i < observation_size_; ++i) to[i] = static_cast<float>(observation[i]);
-  to = actions_.data() + rows_ * action_size_;
+  to = actions_.get() + rows_ * action_size_;
   for (std::uint64_t i = 0; i < action_size_; ++i) {
     to[i] = is_first ? 0.0f : static_cast<float>(action[i]);
   }
@@ -72,8 +71,7 @@ void Replay::MakeRoom() {
   episodes_.erase(episodes_.begin(), episodes_.begin() + static_cast<std::ptrdiff_t>(drop));
   for (Episode& episode : episodes_) episode.first -= cut;
   const auto move_down = [&](auto& values, std::uint64_t width) {
-    std::copy(values.begin() + static_cast<std::ptrdiff_t>(cut * width),
-              values.begin() + static_cast<std::ptrdiff_t>(rows_ * width), values.begin());
+    std::copy(values.get() + cut * width, values.get() + rows_ * width, values.get());
   };
   move_down(observations_, observation_size_);
   move_down(actions_, action_size_);
@@ -83,23 +81,31 @@ void Replay::MakeRoom() {
   rows_ -= cut;
 }
 
-std::uint64_t Replay::longest_episode() const {
-  std::uint64_t longest = 0;
-  for (const Episode& episode : episodes_) {
-    if (episode.finished) longest = std::max(longest, episode.rows);
-  }
-  return longest;
+std::uint64_t Replay::DrawStart(std::uint64_t length, std::uint64_t longest, std::size_t finished,
+                                Random* random) const {
+  const Episode* episode = nullptr;
+  do {  // no draw decides where all episodes are equally long
+    episode = &episodes_[random->Below(finished)];
+  } while (episode->rows < longest && random->Below(longest) >= episode->rows);
+  const bool ends = discounts_[episode->first + episode->rows - 1] == 0;
+  const std::uint64_t starts =
+      ends || episode->rows < length ? episode->rows : episode->rows - length + 1;
+  return std::min(episode->first + random->Below(starts), finished_rows_ - length);
 }
 
 SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std::uint64_t seed) {
-  eligible_.clear();
-  for (std::uint64_t i = 0; i < episodes_.size(); ++i) {
-    if (episodes_[i].finished && episodes_[i].rows >= length) eligible_.push_back(i);
+  if (finished_rows_ < length) {
+    throw Failure(ExitCode::kUsage,
+                  "run.sequence_length: expected at most the " + std::to_string(finished_rows_) +
+                      " observations of the episodes so far, found " + std::to_string(length) +
+                      "; give a larger run.prefill_steps");
   }
-  if (eligible_.empty()) {
-    throw Failure(ExitCode::kUsage, "run.sequence_length " + std::to_string(length) +
-                                        " is longer than every finished episode (longest: " +
-                                        std::to_string(longest_episode()) + " observations)");
+  std::uint64_t longest = 0;
+  std::size_t finished = 0;
+  for (const Episode& episode : episodes_) {
+    if (!episode.finished) break;  // the last one
+    longest = std::max(longest, episode.rows);
+    ++finished;
   }
   const std::uint64_t rows = sequences * length;
   batch_observations_.resize(rows * observation_size_);
@@ -110,10 +116,9 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
 
   Random random(seed);
   for (std::uint64_t b = 0; b < sequences; ++b) {
-    const Episode& episode = episodes_[eligible_[random.Below(eligible_.size())]];
-    const std::uint64_t start = episode.first + random.Below(episode.rows - length + 1);
+    const std::uint64_t start = DrawStart(length, longest, finished, &random);
     const auto copy = [&](const auto& from, auto& to, std::uint64_t width) {
-      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(start * width), length * width,
+      std::copy_n(from.get() + start * width, length * width,
                   to.begin() + static_cast<std::ptrdiff_t>(b * length * width));
     };
     copy(observations_, batch_observations_, observation_size_);
@@ -146,11 +151,11 @@ void Replay::Save(StateWriter* writer) const {
   (*writer)("episode_first", &first);
   (*writer)("episode_rows", &rows);
   (*writer)("episode_finished", &finished);
-  writer->Array("observations", observations_.data(), rows_ * observation_size_);
-  writer->Array("actions", actions_.data(), rows_ * action_size_);
-  writer->Array("rewards", rewards_.data(), rows_);
-  writer->Array("discounts", discounts_.data(), rows_);
-  writer->Array("is_first", is_first_.data(), rows_);
+  writer->Array("observations", observations_.get(), rows_ * observation_size_);
+  writer->Array("actions", actions_.get(), rows_ * action_size_);
+  writer->Array("rewards", rewards_.get(), rows_);
+  writer->Array("discounts", discounts_.get(), rows_);
+  writer->Array("is_first", is_first_.get(), rows_);
 }
 
 void Replay::Load(StateReader* reader) {
@@ -180,11 +185,11 @@ void Replay::Load(StateReader* reader) {
   if (!fits || next != rows) {
     reader->Refuse("the replay's episodes are not its " + std::to_string(rows) + " rows");
   }
-  reader->Array("observations", observations_.data(), rows * observation_size_);
-  reader->Array("actions", actions_.data(), rows * action_size_);
-  reader->Array("rewards", rewards_.data(), rows);
-  reader->Array("discounts", discounts_.data(), rows);
-  reader->Array("is_first", is_first_.data(), rows);
+  reader->Array("observations", observations_.get(), rows * observation_size_);
+  reader->Array("actions", actions_.get(), rows * action_size_);
+  reader->Array("rewards", rewards_.get(), rows);
+  reader->Array("discounts", discounts_.get(), rows);
+  reader->Array("is_first", is_first_.get(), rows);
   rows_ = rows;
   episodes_ = std::move(episodes);
   finished_rows_ = finished_rows;

@@ -4,14 +4,17 @@
 // is its first observation (zero action and reward), row i what the i-th decision
 // led to. Only finished episodes are drawn from.
 //
-// Memory   all of it is reserved at construction.
+// Memory   address space for all rows is taken at construction, memory only by rows that were
+//          lived.
 // Errors   Failure; but for Load nothing is changed by a call that throws.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "dreamsearch/model.h"
+#include "dreamsearch/random.h"
 #include "dreamsearch/view.h"
 #include "host/saving/state.h"
 
@@ -33,12 +36,12 @@ class Replay {
   // Rows of finished episodes, and rows altogether.
   std::uint64_t finished_rows() const { return finished_rows_; }
   std::uint64_t rows() const { return rows_; }
-  // The longest sequence that some finished episode holds.
-  std::uint64_t longest_episode() const;
 
-  // Draws `sequences` sequences of `length` rows: an episode uniformly among
-  // those long enough, then its start uniformly. The result borrows the replay's
-  // memory until the next call.
+  // Draws `sequences` sequences of `length` rows: an episode in proportion to its rows, then a
+  // start in it uniformly. A sequence lies inside its episode, unless this is shorter or ended
+  // in a terminal state: then it may begin anywhere and runs on into the episodes that follow,
+  // so that no row is never drawn. Needs `length` finished rows. The result borrows the
+  // replay's memory until the next call.
   SequenceBatch Sample(std::uint64_t sequences, std::uint64_t length, std::uint64_t seed);
 
   // Straight from and to the rows' own memory. After a Load that throws the replay may
@@ -56,6 +59,8 @@ class Replay {
   void Append(View<const double> action, double reward, double discount,
               View<const double> observation, bool is_first);
   void MakeRoom();
+  std::uint64_t DrawStart(std::uint64_t length, std::uint64_t longest, std::size_t finished,
+                          Random* random) const;
 
   std::uint64_t observation_size_;
   std::uint64_t action_size_;
@@ -63,11 +68,11 @@ class Replay {
   std::uint64_t rows_ = 0;
   std::uint64_t finished_rows_ = 0;
   std::vector<Episode> episodes_;
-  std::vector<float> observations_;
-  std::vector<float> actions_;
-  std::vector<float> rewards_;
-  std::vector<float> discounts_;
-  std::vector<std::uint8_t> is_first_;
+  std::unique_ptr<float[]> observations_;
+  std::unique_ptr<float[]> actions_;
+  std::unique_ptr<float[]> rewards_;
+  std::unique_ptr<float[]> discounts_;
+  std::unique_ptr<std::uint8_t[]> is_first_;
 
   // The batch handed out by Sample.
   std::vector<float> batch_observations_;
@@ -75,7 +80,6 @@ class Replay {
   std::vector<float> batch_rewards_;
   std::vector<float> batch_discounts_;
   std::vector<std::uint8_t> batch_is_first_;
-  std::vector<std::uint64_t> eligible_;
 };
 
 }  // namespace dreamsearch

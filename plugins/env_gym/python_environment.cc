@@ -73,6 +73,7 @@ PythonEnvironment::PythonEnvironment(const PythonEnvironmentSettings& settings)
   spec_.episode_steps = settings.episode_steps != 0 ? settings.episode_steps
                         : own_limit != 0            ? own_limit
                                                     : kDefaultEpisodeSteps;
+  spec_.terminates = settings.kind == "gym";
   spec_.state_bytes =
       sizeof(StateHeader) + (own_state_bytes_ != 0
                                  ? own_state_bytes_

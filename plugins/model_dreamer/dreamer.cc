@@ -336,9 +336,9 @@ Status CreateDreamer(const ModelContext& context, Model** result) noexcept {
                  static_cast<unsigned long long>(context.action_size));
   }
   return Guarded("dreamer", [&] {
-    *result =
-        new Dreamer(SettingsFrom(context.parameters), static_cast<Index>(context.observation_size),
-                    static_cast<Index>(context.action_size), context.seed);
+    *result = new Dreamer(SettingsFrom(context.parameters, context.terminates),
+                          static_cast<Index>(context.observation_size),
+                          static_cast<Index>(context.action_size), context.seed);
     return OkStatus();
   });
 }

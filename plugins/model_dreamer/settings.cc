@@ -65,9 +65,10 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", "batch"),
     RealParameter("min_std", 0.1, 1e-4, 1, "",
                   "Least standard deviation of prior and posterior. [dreamer]"),
-    BoolParameter("continuation", false,
-                  "Learn the chance to go on; its mean replaces the discount. Off for tasks that "
-                  "never end early. [dreamer]"),
+    BoolParameter("continuation", true,
+                  "Learn the chance to go on, whose mean replaces the discount, where the task has "
+                  "terminal states; the others never need it. [dreamer; paper: never]")
+        .Preset("paper", false),
     RealParameter("continuation_scale", 10, 0, 1e3, "",
                   "Factor of the continuation loss. [dreamer]"),
     BoolParameter(
@@ -150,7 +151,7 @@ constexpr ParameterSpec kParameters[] = {
 
 }  // namespace
 
-Settings SettingsFrom(const Parameters& p) {
+Settings SettingsFrom(const Parameters& p, bool terminates) {
   Settings s;
   s.deterministic = p.GetInt("deterministic");
   s.stochastic = p.GetInt("stochastic");
@@ -173,7 +174,7 @@ Settings SettingsFrom(const Parameters& p) {
   s.free_nats = p.GetReal("free_nats");
   s.free_nats_per_step = p.IsChoice("free_nats_over", "step");
   s.min_std = p.GetReal("min_std");
-  s.continuation = p.GetBool("continuation");
+  s.continuation = terminates && p.GetBool("continuation");
   s.continuation_scale = p.GetReal("continuation_scale");
   s.zero_heads = p.GetBool("zero_heads");
   s.horizon = p.GetInt("horizon");
@@ -219,7 +220,7 @@ ParameterValue ValueUnder(const ParameterSpec& spec, const char* preset) {
 Settings PresetSettings(const char* preset) {
   std::vector<ParameterValue> values;
   for (const ParameterSpec& spec : DeclaredParameters()) values.push_back(ValueUnder(spec, preset));
-  return SettingsFrom({{values.data(), values.size()}});
+  return SettingsFrom({{values.data(), values.size()}}, false);
 }
 
 }  // namespace dreamsearch::dreamer

@@ -14,13 +14,13 @@ namespace {
 
 // Observation (episode, row), action (row), reward row: every number tells where
 // it came from.
-void AddEpisode(Replay* replay, int episode, int decisions) {
+void AddEpisode(Replay* replay, int episode, int decisions, bool ends = false) {
   std::vector<double> observation = {double(episode), 0};
   replay->BeginEpisode({observation.data(), 2});
   for (int i = 1; i <= decisions; ++i) {
     observation[1] = i;
     const double action = i;
-    replay->Add({&action, 1}, i, i == decisions ? 0 : 1, {observation.data(), 2});
+    replay->Add({&action, 1}, i, ends && i == decisions ? 0 : 1, {observation.data(), 2});
   }
   replay->EndEpisode();
 }
@@ -70,6 +70,55 @@ TEST(Replay, SequencesLieInsideOneEpisodeAndKeepTheirOrder) {
     }
   }
   EXPECT_EQ(episodes, (std::set<float>{0, 1, 2}));
+}
+
+// Rows in the order they were lived, whatever sequence they came in.
+std::vector<int> DrawnRows(Replay* replay, std::uint64_t length, int batches) {
+  std::vector<int> drawn;
+  for (int seed = 0; seed < batches; ++seed) {
+    const SequenceBatch batch = replay->Sample(4, length, static_cast<std::uint64_t>(seed));
+    for (std::uint64_t row = 0; row < batch.observations.rows; ++row) {
+      drawn.push_back(static_cast<int>(batch.observations(row, 0)) * 100 +
+                      static_cast<int>(batch.observations(row, 1)));
+    }
+  }
+  return drawn;
+}
+
+TEST(Replay, SequencesRunOverTheEndsOfShortEpisodes) {
+  Replay replay(2, 1, 1000);
+  for (int episode = 0; episode < 6; ++episode) AddEpisode(&replay, episode, 4 + episode % 2);
+  const SequenceBatch batch = replay.Sample(50, 12, 3);
+  for (std::uint64_t row = 1; row < batch.observations.rows; ++row) {
+    if (row % 12 == 0) continue;
+    const float episode = batch.observations(row, 0), before = batch.observations(row - 1, 0);
+    EXPECT_EQ(batch.is_first[row], episode == before ? 0 : 1);
+    EXPECT_EQ(episode, before + batch.is_first[row]);
+    EXPECT_EQ(batch.observations(row, 1),
+              batch.is_first[row] != 0 ? 0 : batch.observations(row - 1, 1) + 1);
+  }
+}
+
+TEST(Replay, EveryRowIsDrawnWhereEpisodesAreOfAllLengths) {
+  Replay replay(2, 1, 1000);
+  std::set<int> lived;
+  const int decisions[] = {1, 40, 3, 12, 2, 30, 5};
+  for (int episode = 0; episode < 7; ++episode) {
+    AddEpisode(&replay, episode, decisions[episode]);
+    for (int i = 0; i <= decisions[episode]; ++i) lived.insert(100 * episode + i);
+  }
+  const std::vector<int> drawn = DrawnRows(&replay, 10, 400);
+  EXPECT_EQ(std::set<int>(drawn.begin(), drawn.end()), lived);
+}
+
+TEST(Replay, EpisodesAreDrawnInProportionToTheirRows) {
+  Replay replay(2, 1, 1000);
+  AddEpisode(&replay, 0, 99);  // 100 rows
+  for (int episode = 1; episode <= 10; ++episode) AddEpisode(&replay, episode, 9);
+  double of_long = 0;
+  const std::vector<int> drawn = DrawnRows(&replay, 5, 1000);
+  for (const int row : drawn) of_long += row < 100 ? 1 : 0;
+  EXPECT_NEAR(of_long / static_cast<double>(drawn.size()), 0.5, 0.03);
 }
 
 TEST(Replay, DrawsEveryStartOfAnEpisodeTheLastOneIncluded) {
@@ -140,7 +189,7 @@ TEST(Replay, SaysWhatDoesNotFit) {
     replay.Sample(1, 50, 0);
     FAIL();
   } catch (const Failure& error) {
-    EXPECT_NE(std::string(error.what()).find("longest: 10"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("at most the 10 observations"), std::string::npos) << error.what();
   }
 }
 

@@ -94,7 +94,7 @@ TEST(Settings, FastPresetHasTheNumbersItWasMeasuredWith) {
 TEST(Settings, EveryParameterIsRead) {
   std::vector<ParameterValue> values;
   for (const ParameterSpec& spec : DeclaredParameters()) values.push_back(ValueUnder(spec, "fast"));
-  const auto settings = [&] { return SettingsFrom({{values.data(), values.size()}}); };
+  const auto settings = [&] { return SettingsFrom({{values.data(), values.size()}}, true); };
   const Settings before = settings();
   EXPECT_EQ(before, settings());
   for (std::size_t i = 0; i < values.size(); ++i) {

@@ -36,6 +36,7 @@ struct EnvironmentSpec {
   double control_seconds = 0;          // simulated seconds of one environment step
   std::uint32_t substeps = 1;          // physics steps in one environment step
   std::uint32_t episode_steps = 0;     // environment steps until the time limit
+  bool terminates = false;             // it has terminal states: a discount can be 0
   double return_low = 0;               // range of an episode's return, for normalised
   double return_high = 0;              //   scores; equal when there is none
   std::uint64_t state_bytes = 0;       // size of a saved state; 0: cannot be saved

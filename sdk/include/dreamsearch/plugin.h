@@ -79,6 +79,7 @@ struct ModelContext {
   std::uint64_t action_size = 0;        // A
   std::uint32_t action_repeat = 1;      // environment steps a decision
   std::uint32_t episode_decisions = 0;  // decisions in an episode
+  bool terminates = false;              // of the environment's spec
   std::uint64_t seed = 0;               // initial parameters
   // Only for a model with kNeedsEnvironment: an environment of its own, which it
   // does not destroy and which outlives it; otherwise null.

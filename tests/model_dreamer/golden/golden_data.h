@@ -54,7 +54,7 @@ inline Settings SettingsFromJson(const Json& values) {
     throw std::runtime_error("golden data names " + std::to_string(values.size()) +
                              " parameters; declared are " + std::to_string(named) + " of them");
   }
-  return SettingsFrom({{resolved.data(), resolved.size()}});
+  return SettingsFrom({{resolved.data(), resolved.size()}}, true);
 }
 
 // One update's batch, in the order of the SDK's SequenceBatch.

@@ -1,0 +1,62 @@
+// Ordinary environments, whose episodes end when they like.
+#include <gtest/gtest.h>
+
+#include "program.h"
+
+namespace dreamsearch {
+namespace {
+
+class EarlyTest : public testing::Test {
+ protected:
+  // A small budget of 600 decisions, each of one environment step.
+  ProgramResult Run(const std::string& environment, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"--plugin-path", DREAMSEARCH_EARLY_PLUGIN_DIR, "--set",
+                                          "run.action_repeat=1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    arguments = TinyRun(environment, "random", "e.db", arguments);
+    for (std::string& argument : arguments) {
+      if (argument == "4000") argument = "600";
+      if (argument == "run.prefill_steps=1000") argument = "run.prefill_steps=200";
+      if (argument == "run.sequence_length=8") argument = "run.sequence_length=32";
+      if (argument == "run.train_every=250") argument = "run.train_every=50";
+      if (argument == "run.eval_every=2000") argument = "run.eval_every=300";
+      if (argument == "run.checkpoint_every=1000") argument = "run.checkpoint_every=300";
+    }
+    return place_.Runner(arguments);
+  }
+  std::string Value(const std::string& sql) { return place_.Value("e.db", sql); }
+
+  Workplace place_;
+};
+
+TEST_F(EarlyTest, EpisodesShorterThanASequenceAreLearnedFrom) {
+  const ProgramResult result = Run("short20");
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Value("select count(*) from episode where phase = 0 and length = 20"), "30");
+  EXPECT_NE(Value("select count(*) from scalar join metric using (metric_id) where name like "
+                  "'%observation_loss'"),
+            "0");
+}
+
+TEST_F(EarlyTest, MemoryFollowsTheBudgetAndNotTheDeclaredLength) {
+  const ProgramResult result = Run("unlimited", {"--memory-limit", "1G"});
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+}
+
+TEST_F(EarlyTest, ATaskThatDeclaresItsDeathsHasThemLearned) {
+  const ProgramResult result = Run("varied");
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Value("select count(*) from event where kind = 'terminal_state'"), "0");
+  EXPECT_NE(Value("select max(value) from scalar join metric using (metric_id) where name like "
+                  "'%continuation_loss'"),
+            "0.0");
+}
+
+TEST_F(EarlyTest, ATaskThatDiesWithoutSayingSoIsWarnedOfOnce) {
+  const ProgramResult result = Run("silent");
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Value("select count(*) from event where kind = 'terminal_state'"), "1");
+}
+
+}  // namespace
+}  // namespace dreamsearch
