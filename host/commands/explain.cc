@@ -58,8 +58,8 @@ Subject FindSubject(results::Database* database, const std::string& run,
   subject.spec = RecordedSpec(database, subject.info);
   if (subject.spec.evaluation) {
     if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
-      std::cerr << "warning: run " << subject.info.run_id << " was played with another " << changed
-                << "\n";
+      std::cerr << "warning: run " << subject.info.run_id
+                << " was played with another plugin: " << changed << "\n";
     }
     subject.agent = AgentCheckpoint(database, subject.spec);
     return subject;

@@ -45,26 +45,24 @@ void ProgressDisplay::Erase() {
 }
 
 std::string ProgressDisplay::Format(const ActiveLine& line) const {
-  const double done = line.env_steps_target == 0 ? 0
-                                                 : static_cast<double>(line.env_step) /
-                                                       static_cast<double>(line.env_steps_target);
-  std::string text = line.label + "  " + Printf("%3.0f%%", 100 * done) + "  " +
-                     GroupDigits(line.env_step) + " of " + GroupDigits(line.env_steps_target) +
-                     " steps";
+  const RunProgress& progress = line.progress;
+  const auto target = static_cast<double>(line.env_steps_target);
+  const auto made = static_cast<double>(progress.env_step);
+  std::string text = line.label + "  " + Printf("%3.0f%%", target > 0 ? 100 * made / target : 0) +
+                     "  " + GroupDigits(progress.env_step) + " of " +
+                     GroupDigits(line.env_steps_target) + " steps";
   if (line.rate > 0) text += "  " + Printf("%.0f steps/s", line.rate);
-  if (std::isfinite(line.training_return)) {
-    text += "  return " + Printf("%.1f", line.training_return);
+  if (std::isfinite(progress.training_return)) {
+    text += "  return " + Printf("%.1f", progress.training_return);
   }
-  if (std::isfinite(line.evaluation_return)) {
-    text += "  evaluated " + Printf("%.1f", line.evaluation_return);
+  if (std::isfinite(progress.evaluation_return)) {
+    text += "  evaluated " + Printf("%.1f", progress.evaluation_return);
   }
-  if (line.rate > 0 && line.env_step < line.env_steps_target) {
-    text += "  " +
-            FormatDuration(static_cast<double>(line.env_steps_target - line.env_step) / line.rate) +
-            " left";
+  if (line.rate > 0 && made < target) {
+    text += "  " + FormatDuration((target - made) / line.rate) + " left";
   }
   if (line.threads > 1) text += "  " + Counted(line.threads, "thread");
-  return text + "  (" + line.stage + ")";
+  return text + "  (" + RunStageName(progress.stage) + ")";
 }
 
 void ProgressDisplay::Show(const std::map<std::size_t, ActiveLine>& lines,

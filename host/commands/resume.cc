@@ -51,9 +51,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
   int found = 0;    // by a dry run
   int refused = 0;  // exit status of the first run that was
   for (const results::RunInfo& run : runs) {
-    const bool failed = run.status == results::RunStatus::kFailed ||
-                        run.status == results::RunStatus::kCrashed ||
-                        run.status == results::RunStatus::kDiverged;
+    const bool failed = results::HasFailed(run.status);
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
     if (RunIsLocked(database->RunFolder(run))) {
       std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";

@@ -90,17 +90,17 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
     return static_cast<int>(ExitCode::kVerificationFailed);
   }
   std::string changed = ChangedFile(spec);
-  if (!changed.empty()) changed = "plugin " + changed;
   const std::string instruction_set = database->GetBuild(run.build_id).instruction_set;
   if (changed.empty() && instruction_set != InstructionSetInUse()) {
-    changed = "instruction set (" + instruction_set + " then, " + InstructionSetInUse() + " now)";
+    changed = "the instruction set changed (" + instruction_set + " then, " +
+              InstructionSetInUse() + " now)";
   }
   if (!changed.empty()) {
     if (!force) {
-      throw Failure(ExitCode::kPluginRefused,
-                    name + " was made with another " + changed + ". Use --force to compare anyway");
+      throw Failure(ExitCode::kPluginRefused, name + " cannot be repeated as it was: " + changed +
+                                                  ". Use --force to compare anyway");
     }
-    std::cerr << "warning: " << name << " was made with another " << changed << "\n";
+    std::cerr << "warning: " << name << " cannot be repeated as it was: " << changed << "\n";
     for (ResolvedComponent* component :
          {&spec.environment, &spec.model, &spec.planner, &spec.eval_planner}) {
       ComponentInfo info = *component->info;

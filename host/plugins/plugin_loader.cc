@@ -2,15 +2,10 @@
 
 #include <boost/dll/shared_library.hpp>
 #include <cfenv>
-#include <cinttypes>
-#include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <cstring>
 #include <map>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -20,6 +15,8 @@
 #include <xmmintrin.h>
 #endif
 
+#include "host/plugins/description.h"
+#include "host/plugins/descriptor_check.h"
 #include "host/plugins/elf.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
@@ -75,307 +72,6 @@ class FloatingPointGuard {
 #endif
 };
 
-class Checker {
- public:
-  explicit Checker(const std::filesystem::path& file) : where_("plugin " + file.string()) {}
-
-  [[noreturn]] void Refuse(const std::string& message) const {
-    throw Failure(ExitCode::kPluginRefused, where_ + ": " + message);
-  }
-
-  void CheckHeader(const PluginDescriptor& plugin) const {
-    // The order is that of the fields: each check makes the next field readable.
-    if (plugin.magic != kPluginMagic) {
-      Expect("the magic number", Hex(kPluginMagic), Hex(plugin.magic));
-    }
-    const std::string version = SdkVersion(plugin.sdk_major, plugin.sdk_minor);
-    if (plugin.sdk_major != DREAMSEARCH_SDK_MAJOR || plugin.sdk_minor != DREAMSEARCH_SDK_MINOR) {
-      Expect("SDK version", SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR), version);
-    }
-    if (plugin.struct_size != sizeof(PluginDescriptor)) {
-      Expect("a descriptor of SDK " + version + " with",
-             std::to_string(sizeof(PluginDescriptor)) + " bytes",
-             std::to_string(plugin.struct_size) + " bytes");
-    }
-    if (plugin.interface_revision != kInterfaceRevision) {
-      Expect("interface revision", std::to_string(kInterfaceRevision),
-             std::to_string(plugin.interface_revision));
-    }
-    if (plugin.layout_tag != LayoutTag()) {
-      Expect("layout tag", Hex(LayoutTag()), Hex(plugin.layout_tag));
-    }
-  }
-
-  void CheckContents(const PluginDescriptor& plugin) const {
-    CheckText("the plugin's name", plugin.name, true);
-    CheckText("the plugin's version", plugin.version, true);
-    if (plugin.components.size == 0) Refuse("expected at least one component, found none");
-    CheckView("the components", plugin.components.data, plugin.components.size);
-    std::set<std::pair<ComponentKind, std::string>> names;
-    for (std::uint64_t i = 0; i < plugin.components.size; ++i) {
-      const ComponentDescriptor& component = plugin.components[i];
-      CheckComponent(component, i);
-      std::vector<std::string> all = AliasList(component);
-      all.insert(all.begin(), component.name);
-      for (const std::string& name : all) {
-        CheckName("component " + std::to_string(i), name.c_str());
-        if (!names.emplace(component.kind, name).second) {
-          Refuse(std::string("two components offer the ") + ComponentKindName(component.kind) +
-                 " '" + name + "'; expected each name once a kind");
-        }
-      }
-    }
-  }
-
-  static std::vector<std::string> Split(const char* list) {
-    std::vector<std::string> parts;
-    if (list == nullptr || *list == '\0') return parts;
-    std::string part;
-    for (const char* c = list;; ++c) {
-      if (*c == ',' || *c == '\0') {
-        parts.push_back(std::exchange(part, {}));
-        if (*c == '\0') return parts;
-      } else {
-        part += *c;
-      }
-    }
-  }
-
- private:
-  static constexpr std::uint64_t kMostEntries = 10000;
-  static constexpr std::size_t kLongestText = 10000;
-
-  static std::string Hex(std::uint64_t value) {
-    char text[24];
-    std::snprintf(text, sizeof text, "0x%016" PRIx64, value);
-    return text;
-  }
-  static std::string SdkVersion(std::uint32_t major, std::uint32_t minor) {
-    return std::to_string(major) + "." + std::to_string(minor);
-  }
-  static std::string Number(double value) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.17g", value);
-    return text;
-  }
-  static std::vector<std::string> AliasList(const ComponentDescriptor& component) {
-    return Split(component.aliases);
-  }
-
-  [[noreturn]] void Expect(const std::string& what, const std::string& expected,
-                           const std::string& found) const {
-    Refuse("expected " + what + " " + expected + ", found " + found +
-           "; rebuild the plugin against this SDK (" +
-           SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR) + ")");
-  }
-
-  void CheckView(const std::string& what, const void* data, std::uint64_t size) const {
-    if (size > kMostEntries) {
-      Refuse(what + ": expected at most " + std::to_string(kMostEntries) + " entries, found " +
-             std::to_string(size));
-    }
-    if (size > 0 && data == nullptr) {
-      Refuse(what + ": found " + std::to_string(size) + " entries at a null address");
-    }
-  }
-
-  // One line of UTF-8 without control characters.
-  void CheckText(const std::string& what, const char* text, bool required) const {
-    if (text == nullptr) {
-      if (!required) return;
-      Refuse(what + " is a null pointer; expected a text");
-    }
-    const std::size_t length = ::strnlen(text, kLongestText + 1);
-    if (length > kLongestText) {
-      Refuse(what + " is longer than " + std::to_string(kLongestText) + " bytes");
-    }
-    if (required && length == 0) Refuse(what + " is empty");
-    for (std::size_t i = 0; i < length;) {
-      const auto byte = static_cast<unsigned char>(text[i]);
-      const std::size_t size = byte < 0x80           ? 1
-                               : (byte >> 5) == 0x06 ? 2
-                               : (byte >> 4) == 0x0e ? 3
-                               : (byte >> 3) == 0x1e ? 4
-                                                     : 0;
-      bool good = size != 0 && i + size <= length && byte >= 0x20 && byte != 0x7f;
-      for (std::size_t k = 1; good && k < size; ++k) {
-        good = (static_cast<unsigned char>(text[i + k]) & 0xc0) == 0x80;
-      }
-      if (!good) {
-        Refuse(what + " has the byte " + std::to_string(byte) + " at " + std::to_string(i) +
-               "; expected one line of UTF-8");
-      }
-      i += size;
-    }
-  }
-
-  void CheckName(const std::string& what, const char* name) const {
-    CheckText(what + "'s name", name, true);
-    bool good = name[0] >= 'a' && name[0] <= 'z';
-    for (const char* c = name; *c != '\0'; ++c) {
-      good = good && ((*c >= 'a' && *c <= 'z') || (*c >= '0' && *c <= '9') || *c == '_');
-    }
-    if (!good) {
-      Refuse(what + ": expected a name of the form [a-z][a-z0-9_]*, found '" + name + "'");
-    }
-  }
-
-  void CheckComponent(const ComponentDescriptor& component, std::uint64_t index) const {
-    const std::string number = "component " + std::to_string(index);
-    CheckName(number, component.name);
-    const std::string what = number + " ('" + component.name + "')";
-    const bool environment = component.kind == ComponentKind::kEnvironment;
-    const bool model = component.kind == ComponentKind::kModel;
-    const bool planner = component.kind == ComponentKind::kPlanner;
-    if (!environment && !model && !planner) {
-      Refuse(what + ": expected kind 1 (environment), 2 (model) or 3 (planner), found " +
-             std::to_string(static_cast<std::uint32_t>(component.kind)));
-    }
-    const std::string kind = ComponentKindName(component.kind);
-    if ((component.create_environment != nullptr) != environment ||
-        (component.create_model != nullptr) != model ||
-        (component.create_planner != nullptr) != planner) {
-      std::string found;
-      if (component.create_environment != nullptr) found += " create_environment";
-      if (component.create_model != nullptr) found += " create_model";
-      if (component.create_planner != nullptr) found += " create_planner";
-      Refuse(what + ": expected create_" + kind + " and no other factory, found" +
-             (found.empty() ? " none" : found));
-    }
-    CheckTraits(what, component);
-    CheckText(what + "'s aliases", component.aliases, false);
-    CheckText(what + "'s version", component.version, true);
-    CheckText(what + "'s summary", component.summary, true);
-
-    CheckView(what + "'s parameters", component.parameters.data, component.parameters.size);
-    std::set<std::string> names;
-    for (const ParameterSpec& parameter : component.parameters) {
-      CheckName("a parameter of " + what, parameter.name);
-      if (!names.insert(parameter.name).second) {
-        Refuse(what + ": two parameters are called '" + parameter.name + "'");
-      }
-      CheckParameter(what + ", parameter '" + parameter.name + "'", parameter);
-    }
-    CheckView(what + "'s metrics", component.metrics.data, component.metrics.size);
-    names.clear();
-    for (const MetricSpec& metric : component.metrics) {
-      CheckName("a metric of " + what, metric.name);
-      if (!names.insert(metric.name).second) {
-        Refuse(what + ": two metrics are called '" + metric.name + "'");
-      }
-      CheckText(what + ", metric '" + metric.name + "': its unit", metric.unit, false);
-      CheckText(what + ", metric '" + metric.name + "': its help", metric.help, false);
-    }
-  }
-
-  void CheckTraits(const std::string& what, const ComponentDescriptor& component) const {
-    const std::uint32_t allowed = TraitsOf(component.kind);
-    if ((component.traits & ~allowed) != 0) {
-      Refuse(what + ": expected no traits but those of a " + ComponentKindName(component.kind) +
-             ", bits of " + std::to_string(allowed) + ", found " +
-             std::to_string(component.traits));
-    }
-    if ((component.traits & kSearches) != 0 && (component.traits & kActorAlone) != 0) {
-      Refuse(what + ": expected kSearches or kActorAlone, found both");
-    }
-  }
-
-  void CheckParameter(const std::string& what, const ParameterSpec& parameter) const {
-    CheckText(what + ": its unit", parameter.unit, false);
-    CheckText(what + ": its help", parameter.help, true);
-    if (parameter.preset_count > kMaxPresets) {
-      Refuse(what + ": expected at most " + std::to_string(kMaxPresets) + " presets, found " +
-             std::to_string(parameter.preset_count));
-    }
-    std::vector<std::string> choices;
-    switch (parameter.type) {
-      case ParameterType::kBool:
-      case ParameterType::kText:
-        break;
-      case ParameterType::kInt:
-      case ParameterType::kReal:
-        CheckRange(what, parameter);
-        break;
-      case ParameterType::kChoice: {
-        CheckText(what + ": its choices", parameter.choices, true);
-        choices = Split(parameter.choices);
-        std::set<std::string> known;
-        for (const std::string& choice : choices) {
-          if (choice.empty() || !known.insert(choice).second) {
-            Refuse(what + ": expected choices that differ and are not empty, found '" +
-                   parameter.choices + "'");
-          }
-        }
-        break;
-      }
-      default:
-        Refuse(what +
-               ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice) or 4 (text), found " +
-               std::to_string(static_cast<std::uint32_t>(parameter.type)));
-    }
-    CheckValue(what + ": its default", parameter, choices, parameter.default_number,
-               parameter.default_choice);
-    std::set<std::string> presets;
-    for (std::uint32_t i = 0; i < parameter.preset_count; ++i) {
-      const PresetValue& preset = parameter.presets[i];
-      CheckName(what + ", preset " + std::to_string(i), preset.preset);
-      if (!presets.insert(preset.preset).second) {
-        Refuse(what + ": preset '" + preset.preset + "' is given twice");
-      }
-      CheckValue(what + ": its value for preset '" + preset.preset + "'", parameter, choices,
-                 preset.number, preset.choice);
-    }
-  }
-
-  void CheckRange(const std::string& what, const ParameterSpec& parameter) const {
-    constexpr double kLargest = 9007199254740992.0;  // 2^53: beyond, a double skips integers
-    for (const double bound : {parameter.min, parameter.max}) {
-      if (!std::isfinite(bound)) {
-        Refuse(what + ": expected a finite range, found " + Number(bound));
-      }
-      if (parameter.type == ParameterType::kInt &&
-          (bound != std::trunc(bound) || std::abs(bound) > kLargest)) {
-        Refuse(what + ": expected a range of integers up to 2^53, found " + Number(bound));
-      }
-    }
-    if (parameter.min > parameter.max) {
-      Refuse(what + ": its range is empty, " + Number(parameter.min) + " to " +
-             Number(parameter.max));
-    }
-  }
-
-  void CheckValue(const std::string& what, const ParameterSpec& parameter,
-                  const std::vector<std::string>& choices, double number,
-                  const char* choice) const {
-    if (parameter.type == ParameterType::kText) {
-      CheckText(what, choice, false);
-      return;
-    }
-    if (parameter.type == ParameterType::kChoice) {
-      CheckText(what, choice, true);
-      for (const std::string& known : choices) {
-        if (known == choice) return;
-      }
-      Refuse(what + ": expected one of " + parameter.choices + ", found '" + choice + "'");
-    }
-    if (parameter.type == ParameterType::kBool) {
-      if (number != 0 && number != 1) {
-        Refuse(what + ": expected 0 or 1, found " + Number(number));
-      }
-      return;
-    }
-    if (!(number >= parameter.min && number <= parameter.max)) {
-      Refuse(what + ": expected " + Number(parameter.min) + " to " + Number(parameter.max) +
-             ", found " + Number(number));
-    }
-    if (parameter.type == ParameterType::kInt && number != std::trunc(number)) {
-      Refuse(what + ": expected an integer, found " + Number(number));
-    }
-  }
-
-  std::string where_;
-};
-
 // The symbol a library built against another major version would export.
 std::string OtherEntry(const boost::dll::shared_library& library) {
   constexpr int kMostVersions = 100;
@@ -405,20 +101,19 @@ std::string LoaderSentence(const std::string& what, const std::string& path) {
 }
 
 boost::dll::shared_library LoadLibrary(const std::string& path, const FloatingPointGuard& guard) {
-  const Checker checker(path);
   boost::dll::shared_library library;
   try {
     // rtld_now: a missing symbol is an error here, not the end of the process at
     // the first call.
     library.load(path, boost::dll::load_mode::rtld_now | boost::dll::load_mode::rtld_local);
   } catch (const std::system_error& error) {
-    checker.Refuse("the dynamic loader says: " + LoaderSentence(error.what(), path));
+    RefusePlugin(path, "the dynamic loader says: " + LoaderSentence(error.what(), path));
   }
   const std::string changes = guard.Changes();
   if (!changes.empty()) {
     // Unloading what just ran its initialisers is no safer than keeping it.
     new boost::dll::shared_library(std::move(library));
-    checker.Refuse(changes);
+    RefusePlugin(path, changes);
   }
   return library;
 }
@@ -427,18 +122,19 @@ const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& libr
                                           const std::string& path) {
   if (!library.has(kPluginEntrySymbol)) {
     if (library.has(kRetiredEntrySymbol)) {
-      Checker(path).Refuse(std::string("expected the symbol ") + kPluginEntrySymbol + " of SDK " +
-                           std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
-                           std::to_string(DREAMSEARCH_SDK_MINOR) + ", found " +
-                           kRetiredEntrySymbol +
-                           ": it was built before SDK 0.1; rebuild it "
-                           "against this SDK");
+      RefusePlugin(path, std::string("expected the symbol ") + kPluginEntrySymbol + " of SDK " +
+                             std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
+                             std::to_string(DREAMSEARCH_SDK_MINOR) + ", found " +
+                             kRetiredEntrySymbol +
+                             ": it was built before SDK 0.1; rebuild it "
+                             "against this SDK");
     }
     const std::string other = OtherEntry(library);
-    Checker(path).Refuse(
+    RefusePlugin(
+        path,
         std::string("expected the symbol ") + kPluginEntrySymbol + ", found " +
-        (other.empty() ? "no dreamsearch_plugin_*: it is not a dreamsearch plugin"
-                       : other + " of another SDK major version; rebuild it against this SDK"));
+            (other.empty() ? "no dreamsearch_plugin_*: it is not a dreamsearch plugin"
+                           : other + " of another SDK major version; rebuild it against this SDK"));
   }
   const PluginDescriptor* descriptor = library.get<const PluginDescriptor*()>(kPluginEntrySymbol)();
   CheckPluginDescriptor(descriptor, path);
@@ -446,13 +142,6 @@ const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& libr
 }
 
 }  // namespace
-
-void CheckPluginDescriptor(const PluginDescriptor* plugin, const std::filesystem::path& file) {
-  const Checker checker(file);
-  if (plugin == nullptr) checker.Refuse("its entry returned no descriptor");
-  checker.CheckHeader(*plugin);
-  checker.CheckContents(*plugin);
-}
 
 const PluginDescriptor& LoadPlugin(const std::filesystem::path& file) {
   static auto& mutex = *new std::mutex;
@@ -483,7 +172,8 @@ const ComponentDescriptor& FindComponent(const PluginDescriptor& plugin, Compone
   for (const ComponentDescriptor& component : plugin.components) {
     if (component.kind != kind) continue;
     if (component.name == name) return component;
-    for (const std::string& alias : Checker::Split(component.aliases)) {
+    for (const std::string& alias :
+         SplitList(component.aliases == nullptr ? "" : component.aliases, ',')) {
       if (alias == name) return component;
     }
     known.push_back(component.name);

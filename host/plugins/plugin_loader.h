@@ -32,8 +32,4 @@ const PluginDescriptor& LoadPlugin(const std::filesystem::path& file);
 const ComponentDescriptor& FindComponent(const PluginDescriptor& plugin, ComponentKind kind,
                                          std::string_view name);
 
-// Checks a descriptor as LoadPlugin does after the entry was called; `file` is
-// for messages only.
-void CheckPluginDescriptor(const PluginDescriptor* plugin, const std::filesystem::path& file);
-
 }  // namespace dreamsearch

@@ -39,6 +39,10 @@ struct ChildSpec {
 // Throws Failure 70 if the system cannot start it.
 pid_t StartChild(const ChildSpec& spec);
 
+// Processor seconds a process has used; a stopped process uses none. Negative if
+// it is gone.
+double ProcessorSeconds(pid_t pid);
+
 // "exit status 3", "signal 11 (Segmentation fault)".
 std::string DescribeWaitStatus(int status);
 

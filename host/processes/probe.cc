@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "host/acting/activity_clock.h"
 #include "host/acting/agent.h"
@@ -13,6 +12,7 @@
 #include "host/settings/schedule.h"
 #include "host/training/replay.h"
 #include "results/system/error.h"
+#include "results/system/json_fields.h"
 
 namespace dreamsearch {
 namespace {
@@ -143,6 +143,17 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   return costs;
 }
 
+struct ProbeQuestion {
+  RunSpec spec;
+  ProbeDepth depth = ProbeDepth::kTask;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("spec", &spec);
+    (*archive)("depth", &depth);
+  }
+};
+
 // As the run will make them.
 void MakeComponents(const RunSpec& spec, const Components& components,
                     const EnvironmentSpec& figures) {
@@ -157,33 +168,27 @@ void MakeComponents(const RunSpec& spec, const Components& components,
 }  // namespace
 
 int ProbeMain() {
-  return AnswerMain([](const nlohmann::json& question) {
-    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+  return AnswerMain([](const nlohmann::json& json) {
+    const auto asked = results::FieldsFromJson<ProbeQuestion>(json);
+    const RunSpec& spec = asked.spec;
     const Components components(spec);
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentSpec& figures = environment->spec();
-    nlohmann::json answer;
-    nlohmann::json& task = answer["task"];
-    task["observation_size"] = figures.observation_size;
-    task["action_size"] = figures.action_size;
-    task["control_seconds"] = figures.control_seconds;
-    task["substeps"] = figures.substeps;
-    task["episode_steps"] = figures.episode_steps;
-    task["return_low"] = figures.return_low;
-    task["return_high"] = figures.return_high;
-    const auto depth = question.at("depth").get<ProbeDepth>();
-    if (depth == ProbeDepth::kComponents) MakeComponents(spec, components, figures);
-    if (depth == ProbeDepth::kCosts) {
-      const RunCosts costs = MeasureCosts(spec, components, environment.get());
-      answer["costs"] = {costs.environment_step,
-                         costs.training_decision,
-                         costs.search_evaluation_decision,
-                         costs.actor_evaluation_decision,
-                         costs.update,
-                         costs.checkpoint_bytes,
-                         costs.replay_row_bytes};
+    ProbeResult result;
+    result.task.name = spec.environment.name();
+    result.task.domain = spec.environment.info->plugin.name;
+    result.task.observation_size = static_cast<std::int64_t>(figures.observation_size);
+    result.task.action_size = static_cast<std::int64_t>(figures.action_size);
+    result.task.control_seconds = figures.control_seconds;
+    result.task.substeps = figures.substeps;
+    result.task.episode_steps = figures.episode_steps;
+    result.task.return_low = figures.return_low;
+    result.task.return_high = figures.return_high;
+    if (asked.depth == ProbeDepth::kComponents) MakeComponents(spec, components, figures);
+    if (asked.depth == ProbeDepth::kCosts) {
+      result.costs = MeasureCosts(spec, components, environment.get());
     }
-    return answer;
+    return results::FieldsToJson(result);
   });
 }
 
@@ -192,23 +197,8 @@ ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_secon
   question.command = "probe";
   question.who = spec.environment.name() + ", " + spec.model.name() + ", " + spec.planner.name();
   question.timeout_seconds = timeout_seconds;
-  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)}, {"depth", depth}});
-  ProbeResult result;
-  const nlohmann::json& task = answer.at("task");
-  result.task.name = spec.environment.name();
-  result.task.domain = spec.environment.info->plugin.name;
-  result.task.observation_size = task.at("observation_size");
-  result.task.action_size = task.at("action_size");
-  result.task.control_seconds = task.at("control_seconds");
-  result.task.substeps = task.at("substeps");
-  result.task.episode_steps = task.at("episode_steps");
-  result.task.return_low = task.at("return_low");
-  result.task.return_high = task.at("return_high");
-  if (depth == ProbeDepth::kCosts) {
-    const nlohmann::json& costs = answer.at("costs");
-    result.costs = {costs[0], costs[1], costs[2], costs[3], costs[4], costs[5], costs[6]};
-  }
-  return result;
+  return results::FieldsFromJson<ProbeResult>(
+      Ask(question, results::FieldsToJson(ProbeQuestion{spec, depth})));
 }
 
 std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {

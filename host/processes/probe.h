@@ -21,6 +21,17 @@ struct RunCosts {
   double update = 0;
   double checkpoint_bytes = 0;  // without the replay
   double replay_row_bytes = 0;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("environment_step", &environment_step);
+    (*archive)("training_decision", &training_decision);
+    (*archive)("search_evaluation_decision", &search_evaluation_decision);
+    (*archive)("actor_evaluation_decision", &actor_evaluation_decision);
+    (*archive)("update", &update);
+    (*archive)("checkpoint_bytes", &checkpoint_bytes);
+    (*archive)("replay_row_bytes", &replay_row_bytes);
+  }
 };
 
 struct RunEstimate {
@@ -32,6 +43,12 @@ struct RunEstimate {
 struct ProbeResult {
   results::TaskInfo task;
   RunCosts costs;  // zero unless measured
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("task", &task);
+    (*archive)("costs", &costs);
+  }
 };
 
 // How much a probe asks for.

@@ -8,20 +8,24 @@
 #include <optional>
 #include <string>
 
+#include "host/training/procedure.h"
+
 namespace dreamsearch {
 
 struct Report {
-  enum class Kind { kProgress, kError, kDone } kind = Kind::kProgress;
-  // kProgress
-  std::string stage;
-  std::uint64_t env_step = 0;
-  double training_return = 0;    // NaN when there is none yet
-  double evaluation_return = 0;  // NaN when there is none yet
-  std::uint64_t decisions = 1;   // made side by side until the next report
-  // kError
-  std::string message;
-  // kDone
-  std::string result_digest;
+  enum class Kind : std::uint32_t { kProgress = 0, kError = 1, kDone = 2 };
+  Kind kind = Kind::kProgress;
+  RunProgress progress;       // kProgress
+  std::string message;        // kError
+  std::string result_digest;  // kDone
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("kind", &kind);
+    (*archive)("progress", &progress);
+    (*archive)("message", &message);
+    (*archive)("result_digest", &result_digest);
+  }
 };
 
 // One line, newline included.

@@ -1,3 +1,5 @@
+// supervisor.cc - the loop of a sweep. One class, longer than others: its parts (starting,
+// sharing cores, watching, recording) all work on the one table of active runs.
 #include "host/processes/supervisor.h"
 
 #include <fcntl.h>
@@ -9,23 +11,20 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <deque>
 #include <exception>
-#include <fstream>
 #include <iterator>
-#include <limits>
 #include <map>
 #include <memory>
-#include <sstream>
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "host/processes/rate_meter.h"
 #include "host/processes/report.h"
 #include "host/processes/thread_grant.h"
+#include "host/processes/worker_end.h"
 #include "host/settings/cores.h"
+#include "host/training/rate_meter.h"
 #include "results/system/descriptor.h"
 #include "results/system/text.h"
 
@@ -41,9 +40,6 @@ constexpr double kRecordAgainSeconds = 1;
 // How soon a run takes a core that another command's run has left, or gives it back.
 constexpr double kShareAgainSeconds = 0.25;
 
-// So much of a log is searched for its last line.
-constexpr std::streamoff kLogEndBytes = 64 << 10;
-
 std::atomic<int> stop_signals{0};
 
 void OnStopSignal(int) { ++stop_signals; }
@@ -55,50 +51,18 @@ class StopSignals {
     stop_signals = 0;
     struct sigaction action {};
     action.sa_handler = OnStopSignal;
-    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &action, &before_[i]);
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kStopSignals[i], &action, &before_[i]);
   }
   ~StopSignals() {
-    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
+    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kStopSignals[i], &before_[i], nullptr);
   }
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
 
-  static bool Includes(int signal) {
-    return std::find(std::begin(kSignals), std::end(kSignals), signal) != std::end(kSignals);
-  }
-
  private:
-  static constexpr std::size_t kCount = 4;
-  static constexpr int kSignals[kCount] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
+  static constexpr std::size_t kCount = std::size(kStopSignals);
   struct sigaction before_[kCount];
 };
-
-// Processor seconds a process has used; a stopped process uses none. Negative if
-// it is gone.
-double ProcessorSeconds(pid_t pid) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
-  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  const std::size_t after_name = text.rfind(')');
-  if (after_name == std::string::npos) return -1;
-  std::istringstream fields(text.substr(after_name + 2));
-  std::string skipped;
-  for (int i = 0; i < 11; ++i) fields >> skipped;
-  double user = 0, system = 0;
-  fields >> user >> system;
-  return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
-}
-
-// The last line of a log, for the message about a crash; a plugin may have filled it.
-std::string LastLine(const std::filesystem::path& log) {
-  std::ifstream file(log);
-  file.seekg(0, std::ios::end);
-  file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
-  std::string last;
-  for (std::string line; std::getline(file, line);) {
-    if (!line.empty()) last = line;
-  }
-  return last.substr(0, 300);
-}
 
 struct ActiveRun {
   std::size_t index = 0;
@@ -110,16 +74,10 @@ struct ActiveRun {
   std::string unread;
   double started = 0;
   double processor_at_report = 0;
-  std::uint64_t decisions = 1;  // side by side since then
   RateMeter rate;
   ActiveLine line;
-  std::string error;
-  bool done = false;
-  // Why the supervisor asked it to end with a checkpoint, if it did, and when.
-  enum class Asked { kNo, kTimeLimit, kStop } asked = Asked::kNo;
-  double asked_at = 0;
-  // Why the supervisor killed it, if it did.
-  enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
+  WorkerCourse course;
+  double asked_at = 0;  // to end
 };
 
 // What became of a run.
@@ -163,10 +121,10 @@ class Sweep {
         if (!active_.empty()) {
           observer_->Say("stopping: waiting for checkpoints (again to stop at once)");
         }
-        for (const auto& [index, run] : active_) Ask(run.get(), ActiveRun::Asked::kStop);
+        for (const auto& [index, run] : active_) Ask(run.get(), WorkerCourse::Asked::kStop);
       } else if (stop_signals > 1 && !stopped_at_once_) {
         stopped_at_once_ = true;
-        for (const auto& [index, run] : active_) Kill(run.get(), ActiveRun::Killed::kStop);
+        for (const auto& [index, run] : active_) Kill(run.get(), WorkerCourse::Killed::kStop);
       }
       if (stopping_ && active_.empty()) break;
       while (!stopping_ && next_ < jobs_.size() &&
@@ -224,10 +182,7 @@ class Sweep {
       return;
     }
     // Its failure is not tried again unasked, and not a second time if asked.
-    const bool failed = known->status == results::RunStatus::kFailed ||
-                        known->status == results::RunStatus::kCrashed ||
-                        known->status == results::RunStatus::kDiverged;
-    if (failed && (!options_.retry || gone_on)) {
+    if (results::HasFailed(known->status) && (!options_.retry || gone_on)) {
       exit_codes_[index] = FailureCode(*known);
       LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
                             " in another process (" + known->error + ")");
@@ -278,12 +233,9 @@ class Sweep {
     shared_ = false;
     run->started = ActivityClock::Now();
     run->line.label = job.label;
-    run->line.stage = "starting";
     run->line.env_steps_target = job.work.spec.work_steps();
     // A training's rate must hold an episode with its updates; decisions are all alike.
     run->rate = RateMeter(job.work.spec.evaluation ? 1 : 1000);
-    run->line.training_return = std::numeric_limits<double>::quiet_NaN();
-    run->line.evaluation_return = std::numeric_limits<double>::quiet_NaN();
     observer_->Say("started " + job.label);
     active_[index] = std::move(run);
   }
@@ -341,20 +293,17 @@ class Sweep {
     switch (report.kind) {
       case Report::Kind::kProgress:
         run->processor_at_report = ProcessorSeconds(run->pid);
-        run->decisions = report.decisions;
-        run->line.stage = report.stage;
-        run->line.env_step = report.env_step;
-        run->line.training_return = report.training_return;
-        run->line.evaluation_return = report.evaluation_return;
-        run->rate.Add(ActivityClock::Now(), report.env_step,
-                      report.stage != "explore at random" && report.env_step > 0);
+        run->line.progress = report.progress;
+        run->rate.Add(
+            ActivityClock::Now(), report.progress.env_step,
+            report.progress.stage != RunStage::kExploring && report.progress.env_step > 0);
         run->line.rate = run->rate.Rate();
         break;
       case Report::Kind::kError:
-        run->error = report.message;
+        run->course.error = report.message;
         break;
       case Report::Kind::kDone:
-        run->done = true;
+        run->course.done = true;
         break;
     }
   }
@@ -362,21 +311,21 @@ class Sweep {
   // Processor time until a sign of life is due: that of every decision under way.
   double Patience(const ActiveRun& run) const {
     return options_.hang_timeout_seconds *
-           static_cast<double>(std::max<std::uint64_t>(run.decisions, 1));
+           static_cast<double>(std::max<std::uint64_t>(run.line.progress.decisions, 1));
   }
 
   void WatchLimits() {
     const double now = ActivityClock::Now();
     for (const auto& [index, run] : active_) {
-      const bool asked = run->asked != ActiveRun::Asked::kNo;
+      const bool asked = run->course.asked != WorkerCourse::Asked::kNo;
       if (options_.hang_timeout_seconds > 0 &&
           ProcessorSeconds(run->pid) - run->processor_at_report > Patience(*run)) {
-        Kill(run.get(), ActiveRun::Killed::kHang);
+        Kill(run.get(), WorkerCourse::Killed::kHang);
       } else if (asked && now - run->asked_at > GraceSeconds()) {
-        Kill(run.get(), ActiveRun::Killed::kOverdue);
+        Kill(run.get(), WorkerCourse::Killed::kOverdue);
       } else if (!asked && options_.time_limit_seconds > 0 &&
                  now - run->started > options_.time_limit_seconds) {
-        Ask(run.get(), ActiveRun::Asked::kTimeLimit);
+        Ask(run.get(), WorkerCourse::Asked::kTimeLimit);
       }
     }
   }
@@ -388,17 +337,17 @@ class Sweep {
                : kGraceSeconds;
   }
 
-  void Ask(ActiveRun* run, ActiveRun::Asked why) {
-    if (run->asked != ActiveRun::Asked::kNo) return;
-    run->asked = why;
+  void Ask(ActiveRun* run, WorkerCourse::Asked why) {
+    if (run->course.asked != WorkerCourse::Asked::kNo) return;
+    run->course.asked = why;
     run->asked_at = ActivityClock::Now();
     ::kill(run->pid, SIGTERM);
     ::kill(run->pid, SIGCONT);  // a stopped worker must hear it
   }
 
-  void Kill(ActiveRun* run, ActiveRun::Killed why) {
-    if (run->killed != ActiveRun::Killed::kNo) return;
-    run->killed = why;
+  void Kill(ActiveRun* run, WorkerCourse::Killed why) {
+    if (run->course.killed != WorkerCourse::Killed::kNo) return;
+    run->course.killed = why;
     ::kill(run->pid, SIGKILL);
   }
 
@@ -419,62 +368,18 @@ class Sweep {
   }
 
   void Finish(ActiveRun* run, int status) {
-    const SweepJob& job = jobs_[run->index];
-    const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
-    const int interrupted = static_cast<int>(ExitCode::kInterrupted);
-    const std::string log = (job.work.folder / "run.log").string();
-    const std::string time_limit = "time limit of " + FormatDuration(options_.time_limit_seconds);
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
-      switch (run->killed) {
-        case ActiveRun::Killed::kHang:
-          SetStatus(*run, results::RunStatus::kCrashed, crashed,
-                    "no sign of life for " + FormatDuration(Patience(*run)) +
-                        " of processor time while it was to " + run->line.stage +
-                        "; a plugin hangs, or --hang-timeout is too short. Log: " + log);
-          break;
-        case ActiveRun::Killed::kOverdue:
-          SetStatus(*run, results::RunStatus::kKilled, crashed,
-                    "did not stop within " + FormatDuration(GraceSeconds()) + " of " +
-                        (run->asked == ActiveRun::Asked::kTimeLimit ? "its " + time_limit
-                                                                    : "being asked to") +
-                        " while it was to " + run->line.stage +
-                        ". The same command resumes it. Log: " + log);
-          break;
-        case ActiveRun::Killed::kStop:
-          SetStatus(*run, results::RunStatus::kInterrupted, interrupted, "stopped at once");
-          break;
-        case ActiveRun::Killed::kNo:
-          SetStatus(*run, results::RunStatus::kKilled, crashed,
-                    "killed from outside (out of memory?). The same command resumes it");
-          break;
-      }
-    } else if (WIFSIGNALED(status) && run->asked != ActiveRun::Asked::kNo &&
-               StopSignals::Includes(WTERMSIG(status))) {
-      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
-                "ended before it could checkpoint");
-    } else if (WIFSIGNALED(status)) {
-      const std::string last = LastLine(job.work.folder / "run.log");
-      SetStatus(*run, results::RunStatus::kCrashed, crashed,
-                "crashed with " + DescribeWaitStatus(status) + " while it was to " +
-                    run->line.stage + (last.empty() ? "" : ": " + last) + ". Log: " + log);
-    } else if (WEXITSTATUS(status) == 0) {
-      if (run->done) {
-        SetStatus(*run, results::RunStatus::kFinished, 0, "");
-      } else {
-        SetStatus(*run, results::RunStatus::kCrashed, crashed,
-                  "its process ended without finishing; a plugin called exit? Log: " + log);
-      }
-    } else if (WEXITSTATUS(status) == interrupted) {
-      SetStatus(*run, results::RunStatus::kInterrupted, interrupted,
-                run->asked == ActiveRun::Asked::kTimeLimit ? time_limit + " reached" : "");
-    } else if (WEXITSTATUS(status) == static_cast<int>(ExitCode::kDiverged)) {
-      SetStatus(*run, results::RunStatus::kDiverged, WEXITSTATUS(status), run->error);
-    } else if (RunIsLocked(job.work.folder)) {
+    WorkerCourse& course = run->course;
+    course.stage = run->line.progress.stage;
+    course.log = jobs_[run->index].work.folder / "run.log";
+    course.patience_seconds = Patience(*run);
+    course.grace_seconds = GraceSeconds();
+    course.time_limit_seconds = options_.time_limit_seconds;
+    const WorkerEnd end = EndOf(course, status);
+    if (end.status == results::RunStatus::kFailed && RunIsLocked(jobs_[run->index].work.folder)) {
       LeaveAlone(run->index, "another process began it at the same moment");
-    } else {
-      SetStatus(*run, results::RunStatus::kFailed, WEXITSTATUS(status),
-                run->error.empty() ? DescribeWaitStatus(status) + ". Log: " + log : run->error);
+      return;
     }
+    SetStatus(*run, end.status, end.exit_code, end.error);
   }
 
   // The run is another process's; its status is not ours to write.
@@ -493,13 +398,14 @@ class Sweep {
   void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
                  const std::string& error) {
     const SweepJob& job = jobs_[run.index];
-    const Ending ending{
-        .index = run.index,
-        .worker = {.pid = run.pid, .after_segment = run.after_segment},
-        .status = status,
-        .exit_code = exit_code,
-        .error = error,
-        .env_step = job.work.spec.evaluation ? 0 : static_cast<std::int64_t>(run.line.env_step)};
+    const Ending ending{.index = run.index,
+                        .worker = {.pid = run.pid, .after_segment = run.after_segment},
+                        .status = status,
+                        .exit_code = exit_code,
+                        .error = error,
+                        .env_step = job.work.spec.evaluation
+                                        ? 0
+                                        : static_cast<std::int64_t>(run.line.progress.env_step)};
     try {
       if (!Record(ending)) {
         LeaveAlone(run.index, "another process has gone on with it or deleted it");
@@ -559,9 +465,9 @@ class Sweep {
     for (const auto& [index, run] : active_) {
       lines[index] = run->line;
       if (run->line.rate > 0) {
-        active_left = std::max(
-            active_left,
-            static_cast<double>(run->line.env_steps_target - run->line.env_step) / run->line.rate);
+        active_left = std::max(active_left, static_cast<double>(run->line.env_steps_target -
+                                                                run->line.progress.env_step) /
+                                                run->line.rate);
         rate += run->line.rate;
       }
     }

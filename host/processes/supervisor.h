@@ -18,6 +18,7 @@
 
 #include "host/processes/worker.h"
 #include "host/settings/run_options.h"
+#include "host/training/procedure.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 
@@ -39,13 +40,10 @@ struct SweepResult {
 // What is told about a run that is active.
 struct ActiveLine {
   std::string label;  // "walker_walk mcts_pw seed 0"
-  std::string stage;
-  std::uint64_t env_step = 0;
+  RunProgress progress;
   std::uint64_t env_steps_target = 0;
-  double rate = 0;               // environment steps per second; 0: unknown
-  double training_return = 0;    // NaN: none yet
-  double evaluation_return = 0;  // NaN: none yet
-  std::uint32_t threads = 1;     // that it may use
+  double rate = 0;            // environment steps per second; 0: unknown
+  std::uint32_t threads = 1;  // granted; the run takes them at its next piece of work
 };
 
 // Where a sweep tells how it gets on; the command draws it.

@@ -1,60 +1,49 @@
 #include "host/processes/sweep.h"
 
 #include <algorithm>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "host/plugins/catalogue.h"
 #include "host/saving/checkpoint.h"
 #include "host/training/provenance.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
+#include "results/system/json_fields.h"
 #include "results/system/json_text.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
 
-// A run's RunSpec as JSON, and with these keys what it records.
-constexpr char kSpecFile[] = "run.json";
-constexpr char kLogDecisions[] = "log_decisions";
-constexpr char kRecordTrees[] = "record_trees";
+// What a run's folder keeps of its job.
+struct RunFile {
+  RunSpec spec;
+  bool log_decisions = false;
+  bool record_trees = false;
 
-// The run.json in a run's folder; not an object if it is gone or damaged.
-nlohmann::json ReadSpec(const std::filesystem::path& folder) {
-  std::ifstream file(folder / kSpecFile);
-  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  return results::ParseJsonOrDiscard(text);
-}
-
-// A member if it is there and of that type.
-bool Flag(const nlohmann::json& json, const char* key) {
-  const auto found = json.find(key);
-  return found != json.end() && found->is_boolean() && found->get<bool>();
-}
-
-std::string PluginChange(const PluginInfo& now, const std::string& then) {
-  return "plugin " + now.name + " changed (" + now.path + ": SHA-256 " +
-         (then.empty() ? "of another plugin" : then.substr(0, 12)) + " then, " +
-         now.sha256.substr(0, 12) + " now)";
-}
-
-// Which of the run's plugins is not the one it was begun with; empty if none. `then`:
-// SHA-256 by name, as in a checkpoint's header.
-std::string ChangedPlugin(const std::map<std::string, std::string>& then, const RunSpec& spec) {
-  for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    const PluginInfo& now = component->info->plugin;
-    const auto before = then.find(now.name);
-    if (before == then.end()) return PluginChange(now, "");
-    if (before->second != now.sha256) return PluginChange(now, before->second);
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    spec.Fields(archive);
+    (*archive)("log_decisions", &log_decisions);
+    (*archive)("record_trees", &record_trees);
   }
-  return "";
+};
+constexpr char kRunFile[] = "run.json";
+
+// Throws Failure 65 if it is gone or not what `runner` wrote.
+RunFile ReadRunFile(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / kRunFile;
+  try {
+    return results::FieldsFromJson<RunFile>(results::ParseJson(ReadWholeFile(path)));
+  } catch (const nlohmann::json::exception& error) {
+    throw Failure(ExitCode::kBadInput,
+                  path.string() + " is not what this `runner` writes: " + error.what() +
+                      ". Go on with the runner that wrote it, or start the run over (its command "
+                      "with --retry --replace)");
+  }
 }
 
-// The same by the run's row, which knows three of them.
+// ChangedPlugin by the run's row, which knows three of its plugins.
 std::string ChangedPlugin(results::Database* database, const results::RunInfo& run,
                           const RunSpec& spec) {
   const std::pair<std::optional<std::int64_t>, const ResolvedComponent*> plugins[] = {
@@ -63,9 +52,9 @@ std::string ChangedPlugin(results::Database* database, const results::RunInfo& r
       {run.planner_plugin, &spec.planner}};
   for (const auto& [plugin_id, component] : plugins) {
     if (!plugin_id) continue;
-    const std::string before = database->GetPlugin(*plugin_id).sha256;
-    const PluginInfo& now = component->info->plugin;
-    if (before != now.sha256) return PluginChange(now, before);
+    std::string change =
+        PluginChange(component->info->plugin, database->GetPlugin(*plugin_id).sha256);
+    if (!change.empty()) return change;
   }
   return "";
 }
@@ -93,12 +82,8 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
   const std::filesystem::path folder = database->RunFolder(run);
   bool recorded = false;
   try {
-    std::map<std::string, std::string> then;
-    const RunSpec before = RunSpecFromJson(ReadSpec(folder));
-    for (const ResolvedComponent* component : ComponentsOf(before)) {
-      then[component->info->plugin.name] = component->info->plugin.sha256;
-    }
-    if (const std::string changed = ChangedPlugin(then, spec); !changed.empty()) {
+    const std::map<std::string, std::string> then = PluginDigests(ReadRunFile(folder).spec);
+    if (const std::string changed = ChangedPlugin(spec, then); !changed.empty()) {
       return other_plugin(changed);
     }
     recorded = true;
@@ -112,7 +97,7 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
     if (!resumption.checkpoint) return std::nullopt;
     const auto header = resumption.checkpoint->checkpoint.Value<CheckpointHeader>(kHeaderPart);
     if (!recorded) {
-      const std::string changed = ChangedPlugin(header.plugins, spec);
+      const std::string changed = ChangedPlugin(spec, header.plugins);
       if (!changed.empty()) return other_plugin(changed);
     }
     if (replace && header.instruction_set != InstructionSetInUse()) {
@@ -141,7 +126,7 @@ std::int64_t PluginId(results::Database* database, const ResolvedComponent& comp
 void ClearOwnFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  std::vector<std::filesystem::path> before = {folder / kSpecFile};
+  std::vector<std::filesystem::path> before = {folder / kRunFile};
   if (!error) {
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
       const std::filesystem::path kind = entry.path().extension();
@@ -172,13 +157,19 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
     job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   }
   job.work.memory_limit_bytes = options.memory_limit_bytes;
-  const nlohmann::json before = ReadSpec(job.work.folder);
-  job.work.log_decisions = options.log_decisions || Flag(before, kLogDecisions);
-  job.work.record_trees = options.record_trees || Flag(before, kRecordTrees);
+  job.work.log_decisions = options.log_decisions;
+  job.work.record_trees = options.record_trees;
+  try {
+    const RunFile before = ReadRunFile(job.work.folder);
+    job.work.log_decisions = job.work.log_decisions || before.log_decisions;
+    job.work.record_trees = job.work.record_trees || before.record_trees;
+  } catch (const Failure&) {
+    // It is new, or its process was killed before the file was there.
+  }
   return job;
 }
 
-void WriteSpec(const WorkerJob& work) {
+void WriteRunFile(const WorkerJob& work) {
   std::error_code error;
   std::filesystem::create_directories(work.folder, error);
   if (error) {
@@ -186,10 +177,8 @@ void WriteSpec(const WorkerJob& work) {
         error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kCannotCreate,
         "cannot create the folder " + work.folder.string() + ": " + error.message());
   }
-  nlohmann::json json = ToJson(work.spec);
-  json[kLogDecisions] = work.log_decisions;
-  json[kRecordTrees] = work.record_trees;
-  WriteWholeFile(work.folder / kSpecFile, results::JsonText(json, 2) + "\n");
+  const RunFile file = {work.spec, work.log_decisions, work.record_trees};
+  WriteWholeFile(work.folder / kRunFile, results::JsonText(results::FieldsToJson(file), 2) + "\n");
 }
 
 }  // namespace
@@ -232,15 +221,12 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
     if (found) {
       run.run_id = found->run_id;
       const std::filesystem::path folder = database->RunFolder(*found);
-      const bool failed = found->status == results::RunStatus::kFailed ||
-                          found->status == results::RunStatus::kCrashed ||
-                          found->status == results::RunStatus::kDiverged;
       if (found->status == results::RunStatus::kFinished) {
         run.action = Action::kSkipFinished;
       } else if (RunIsLocked(folder)) {
         run.action = Action::kSkipActive;
         run.note = "another process is working on it";
-      } else if (failed && !options.retry) {
+      } else if (results::HasFailed(found->status) && !options.retry) {
         run.action = Action::kSkipFailed;
         run.note = std::string(results::RunStatusName(found->status)) + " before (" + found->error +
                    "); --retry runs it again";
@@ -274,7 +260,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     if (run.action == Action::kResume) {
       // With its run.json: a kill may have come between the row and the file.
       jobs.push_back(JobFor(database, options, spec, *database->GetRun(run.run_id)));
-      WriteSpec(jobs.back().work);
+      WriteRunFile(jobs.back().work);
       continue;
     }
     results::NewRun row;
@@ -302,7 +288,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
       run_id = database->CreateRun(row).run_id;
     }
     jobs.push_back(JobFor(database, options, spec, *database->GetRun(run_id)));
-    WriteSpec(jobs.back().work);
+    WriteRunFile(jobs.back().work);
   }
   return jobs;
 }
@@ -332,7 +318,7 @@ int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& resul
 
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   const std::filesystem::path folder = database->RunFolder(run);
-  const std::filesystem::path path = folder / kSpecFile;
+  const std::filesystem::path path = folder / kRunFile;
   if (!std::filesystem::exists(path)) {
     const bool finished = run.status == results::RunStatus::kFinished;
     throw Failure(
@@ -346,23 +332,10 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
             run.argv);
   }
   try {
-    return RunSpecFromJson(ReadSpec(folder));
+    return ReadRunFile(folder).spec;
   } catch (const Failure& error) {
-    throw Failure(ExitCode::kBadInput, "run " + std::to_string(run.run_id) + ": " + path.string() +
-                                           " is not what `runner` wrote: " + error.what());
+    throw Failure(error.code(), "run " + std::to_string(run.run_id) + ": " + error.what());
   }
-}
-
-std::string ChangedFile(const RunSpec& spec) {
-  for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    const PluginInfo& plugin = component->info->plugin;
-    const std::string now = Sha256HexOfFile(plugin.path);
-    if (now != plugin.sha256) {
-      return plugin.path + " (SHA-256 " + plugin.sha256.substr(0, 12) + " then, " +
-             now.substr(0, 12) + " now)";
-    }
-  }
-  return "";
 }
 
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec) {
@@ -376,7 +349,8 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
   const RunSpec spec = RecordedSpec(database, run);
   if (const std::string changed = ChangedFile(spec); !changed.empty()) {
     throw Failure(ExitCode::kPluginRefused,
-                  "run " + std::to_string(run.run_id) + " was begun with another " + changed +
+                  "run " + std::to_string(run.run_id) +
+                      " was begun with another plugin: " + changed +
                       ". Give its command again with --replace to start it over, or with "
                       "another --study");
   }

@@ -68,9 +68,6 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
 // 66 if that is gone, 65 if it is not what `runner` wrote.
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 
-// Which of the spec's plugin files is not the one it names, and how; empty if none.
-std::string ChangedFile(const RunSpec& spec);
-
 // The checkpoint of the trained run that an evaluation names; empty if it names none.
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
 

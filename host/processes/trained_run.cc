@@ -66,11 +66,9 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
     const PluginInfo then = component->info->plugin;
     *component = Rebased(*component, found.spec.preset, found.catalogue);
     const PluginInfo& now = component->info->plugin;
-    if (now.sha256 != then.sha256 && changed.insert(now.name).second) {
-      found.warnings.push_back("plugin " + now.name + " is not the one " + name +
-                               " was trained with: " + now.path + " has SHA-256 " +
-                               now.sha256.substr(0, 12) + ", then it was " +
-                               then.sha256.substr(0, 12));
+    const std::string change = PluginChange(now, then.sha256);
+    if (!change.empty() && changed.insert(now.name).second) {
+      found.warnings.push_back(name + " was trained with another plugin: " + change);
     }
   }
   return found;

@@ -15,7 +15,6 @@
 #include <cstring>
 #include <exception>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "host/plugins/catalogue.h"
@@ -30,8 +29,8 @@
 #include "results/database/run_writer.h"
 #include "results/system/descriptor.h"
 #include "results/system/error.h"
+#include "results/system/json_fields.h"
 #include "results/system/json_text.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -88,25 +87,17 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
   };
   check("configuration", stored.configuration, expected.configuration);
   check("seed", std::to_string(stored.seed), std::to_string(expected.seed));
-  check("plugins", results::JsonText(stored.plugins), results::JsonText(expected.plugins));
+  if (const std::string changed = ChangedPlugin(job.spec, stored.plugins); !changed.empty()) {
+    throw Failure(ExitCode::kPluginRefused,
+                  path + " was made with another plugin: " + changed +
+                      ". Use the old one, another --study, or --replace to start over");
+  }
   if (stored.instruction_set != expected.instruction_set && !job.force) {
     throw Failure(ExitCode::kPluginRefused,
                   path + " was made with the instruction set " + stored.instruction_set +
                       ", this process has " + expected.instruction_set +
                       "; the bits would differ. Resume on the old kind of machine, or go on "
                       "with `runner resume --force`");
-  }
-}
-
-void CheckPluginFiles(const RunSpec& spec) {
-  for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    const PluginInfo& plugin = component->info->plugin;
-    const std::string now = Sha256HexOfFile(plugin.path);
-    if (now != plugin.sha256) {
-      throw Failure(ExitCode::kPluginRefused,
-                    plugin.path + " changed since it was described: expected SHA-256 " +
-                        plugin.sha256 + ", found " + now);
-    }
   }
 }
 
@@ -140,7 +131,9 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
     ::mallopt(M_ARENA_MAX, 1);
   }
   const Descriptor lock = LockRun(job.folder);
-  CheckPluginFiles(job.spec);
+  if (const std::string changed = ChangedFile(job.spec); !changed.empty()) {
+    throw Failure(ExitCode::kPluginRefused, changed + " since it was described");
+  }
   const auto database = results::Database::OpenExisting(job.db);
   const std::optional<results::RunInfo> run = database->GetRun(job.run_id);
   if (!run) {
@@ -197,11 +190,7 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
           if (now - last_report < 0.2) return;
           last_report = now;
           Report report;
-          report.stage = progress.stage;
-          report.env_step = progress.env_step;
-          report.training_return = progress.training_return;
-          report.evaluation_return = progress.evaluation_return;
-          report.decisions = progress.decisions;
+          report.progress = progress;
           Send(report);
         });
     const auto env_step = static_cast<std::int64_t>(procedure->env_step());
@@ -229,37 +218,12 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
 }  // namespace
 
 std::string EncodeJob(const WorkerJob& job) {
-  nlohmann::json json;
-  json["spec"] = ToJson(job.spec);
-  json["db"] = job.db;
-  json["run_id"] = job.run_id;
-  json["after_segment"] = job.after_segment;
-  json["folder"] = job.folder.string();
-  json["agent_checkpoint"] = job.agent_checkpoint.string();
-  json["evaluation_threads"] = job.evaluation_threads;
-  json["memory_limit_bytes"] = job.memory_limit_bytes;
-  json["log_decisions"] = job.log_decisions;
-  json["record_trees"] = job.record_trees;
-  json["force"] = job.force;
-  return results::JsonText(json);
+  return results::JsonText(results::FieldsToJson(job));
 }
 
 WorkerJob DecodeJob(const std::string& text) {
   try {
-    const nlohmann::json json = results::ParseJson(text);
-    WorkerJob job;
-    job.spec = RunSpecFromJson(json.at("spec"));
-    job.db = json.at("db");
-    job.run_id = json.at("run_id");
-    job.after_segment = json.at("after_segment");
-    job.folder = json.at("folder").get<std::string>();
-    job.agent_checkpoint = json.at("agent_checkpoint").get<std::string>();
-    job.evaluation_threads = json.at("evaluation_threads");
-    job.memory_limit_bytes = json.at("memory_limit_bytes");
-    job.log_decisions = json.at("log_decisions");
-    job.record_trees = json.at("record_trees");
-    job.force = json.at("force");
-    return job;
+    return results::FieldsFromJson<WorkerJob>(results::ParseJson(text));
   } catch (const nlohmann::json::exception& error) {
     throw Failure(ExitCode::kInternal,
                   std::string("a worker is started by `runner` and takes its job on standard "

@@ -29,6 +29,21 @@ struct WorkerJob {
   bool log_decisions = false;
   bool record_trees = false;
   bool force = false;  // go on under another instruction set
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("spec", &spec);
+    (*archive)("db", &db);
+    (*archive)("run_id", &run_id);
+    (*archive)("after_segment", &after_segment);
+    (*archive)("folder", &folder);
+    (*archive)("agent_checkpoint", &agent_checkpoint);
+    (*archive)("evaluation_threads", &evaluation_threads);
+    (*archive)("memory_limit_bytes", &memory_limit_bytes);
+    (*archive)("log_decisions", &log_decisions);
+    (*archive)("record_trees", &record_trees);
+    (*archive)("force", &force);
+  }
 };
 
 std::string EncodeJob(const WorkerJob& job);

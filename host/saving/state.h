@@ -101,9 +101,9 @@ class StateWriter {
 };
 
 // The fields of a map: how many entries, then of each key and value.
-template <typename Archive>
-void VisitMap(Archive* archive, const char* name, std::map<std::string, std::string>* map) {
-  std::vector<std::pair<std::string, std::string>> items(map->begin(), map->end());
+template <typename Archive, typename Key>
+void VisitMap(Archive* archive, const char* name, std::map<Key, std::string>* map) {
+  std::vector<std::pair<Key, std::string>> items(map->begin(), map->end());
   std::uint64_t count = items.size();
   (*archive)(name, &count);
   for (std::uint64_t i = 0; i < count; ++i) {

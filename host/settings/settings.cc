@@ -1,11 +1,9 @@
 #include "host/settings/settings.h"
 
 #include <algorithm>
-#include <cassert>
 #include <charconv>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <system_error>
@@ -13,26 +11,12 @@
 
 #include "host/settings/run_parameters.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
 #include "results/system/names.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr std::size_t kMostRuns = 100000;
-
-// The shortest text that reads back as the same number; integers in full.
-std::string NumberText(ParameterType type, double number) {
-  char text[64];
-  const std::to_chars_result end =
-      type == ParameterType::kInt
-          ? std::to_chars(text, text + sizeof text, static_cast<std::int64_t>(number))
-          : std::to_chars(text, text + sizeof text, number);
-  return std::string(text, end.ptr);
-}
 
 std::string DefaultText(const ParameterInfo& parameter) {
   switch (parameter.type) {
@@ -413,131 +397,7 @@ class Resolver {
   std::optional<std::size_t> eval_planner_;
 };
 
-Json ValueJson(const ResolvedValue& value) {
-  switch (value.type) {
-    case ParameterType::kBool:
-      return value.number != 0;
-    case ParameterType::kInt:
-      return static_cast<std::int64_t>(value.number);
-    case ParameterType::kReal:
-      return value.number;
-    case ParameterType::kChoice:
-    case ParameterType::kText:
-      return value.choice;
-  }
-  return nullptr;
-}
-
-Json CanonicalValues(const ResolvedValues& resolved) {
-  Json json = Json::object();
-  for (const ResolvedValue& value : resolved.values) json[value.name] = ValueJson(value);
-  return json;
-}
-
-Json CanonicalComponent(const ResolvedComponent& component) {
-  return {{"name", component.name()}, {"parameters", CanonicalValues(component.parameters)}};
-}
-
-Json ValuesJson(const ResolvedValues& resolved) {
-  Json json = Json::array();
-  for (const ResolvedValue& value : resolved.values) {
-    json.push_back({{"name", value.name},
-                    {"type", static_cast<std::uint32_t>(value.type)},
-                    {"number", value.number},
-                    {"choice", value.choice},
-                    {"origin", static_cast<std::uint32_t>(value.origin)}});
-  }
-  return json;
-}
-
-ResolvedValues ValuesFromJson(const Json& json) {
-  ResolvedValues resolved;
-  for (const Json& item : json) {
-    ResolvedValue value;
-    item.at("name").get_to(value.name);
-    value.type = static_cast<ParameterType>(item.at("type").get<std::uint32_t>());
-    item.at("number").get_to(value.number);
-    item.at("choice").get_to(value.choice);
-    value.origin = static_cast<ValueOrigin>(item.at("origin").get<std::uint32_t>());
-    resolved.values.push_back(std::move(value));
-  }
-  return resolved;
-}
-
-Json ComponentJson(const ResolvedComponent& component) {
-  return {{"info", ToJson(*component.info)}, {"parameters", ValuesJson(component.parameters)}};
-}
-
-ResolvedComponent ComponentFromJson(const Json& json) {
-  return {std::make_shared<const ComponentInfo>(ComponentInfoFromJson(json.at("info"))),
-          ValuesFromJson(json.at("parameters"))};
-}
-
 }  // namespace
-
-const char* ValueOriginName(ValueOrigin origin) {
-  switch (origin) {
-    case ValueOrigin::kDefault:
-      return "default";
-    case ValueOrigin::kPreset:
-      return "preset";
-    case ValueOrigin::kFile:
-      return "file";
-    case ValueOrigin::kCommandLine:
-      return "command line";
-  }
-  return "unknown";
-}
-
-std::string ValueText(const ResolvedValue& value) {
-  switch (value.type) {
-    case ParameterType::kBool:
-      return value.number != 0 ? "true" : "false";
-    case ParameterType::kChoice:
-    case ParameterType::kText:
-      return value.choice;
-    default:
-      return NumberText(value.type, value.number);
-  }
-}
-
-const ResolvedValue* ResolvedValues::Find(std::string_view name) const {
-  for (const ResolvedValue& value : values) {
-    if (value.name == name) return &value;
-  }
-  return nullptr;
-}
-
-double ResolvedValues::Number(std::string_view name) const {
-  const ResolvedValue* value = Find(name);
-  if (value == nullptr) {
-    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
-  }
-  return value->number;
-}
-
-std::uint64_t ResolvedValues::Integer(std::string_view name) const {
-  const double number = Number(name);
-  assert(number >= 0 && number == std::trunc(number));
-  return static_cast<std::uint64_t>(number);
-}
-
-const std::string& ResolvedValues::Choice(std::string_view name) const {
-  const ResolvedValue* value = Find(name);
-  if (value == nullptr) {
-    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
-  }
-  return value->choice;
-}
-
-std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
-  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model, &spec.planner,
-                                                      &spec.eval_planner};
-  if (spec.evaluation && spec.evaluation->behaviour) {
-    components.push_back(&*spec.evaluation->behaviour);
-  }
-  return components;
-}
 
 std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
                                    const RunSpec* base) {
@@ -552,92 +412,6 @@ ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& 
   }
   Restore(recorded.parameters, &now.parameters);
   return now;
-}
-
-std::string CanonicalJson(const RunSpec& spec) {
-  // nlohmann's objects are ordered by key, and its doubles are the shortest texts
-  // that read back the same.
-  Json json = {{"environment", CanonicalComponent(spec.environment)},
-               {"model", CanonicalComponent(spec.model)},
-               {"planner", CanonicalComponent(spec.planner)}};
-  if (!spec.evaluation) {
-    json["eval_planner"] = CanonicalComponent(spec.eval_planner);
-    json["run"] = CanonicalValues(spec.run);
-    return results::JsonText(json);
-  }
-  json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},
-                 {"eval_episodes", spec.run.Integer("eval_episodes")}};
-  json["evaluation"] = {{"env_step", spec.evaluation->env_step},
-                        {"agent_sha256", spec.evaluation->agent_sha256}};
-  if (spec.evaluation->behaviour) {
-    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
-  }
-  return results::JsonText(json);
-}
-
-std::string ConfigurationSha256(const RunSpec& spec) { return Sha256Hex(CanonicalJson(spec)); }
-
-Json ToJson(const RunSpec& spec) {
-  Json json = {{"study", spec.study},
-               {"preset", spec.preset},
-               {"environment", ComponentJson(spec.environment)},
-               {"model", ComponentJson(spec.model)},
-               {"planner", ComponentJson(spec.planner)},
-               {"eval_planner", ComponentJson(spec.eval_planner)},
-               {"run", ValuesJson(spec.run)},
-               {"seed", spec.seed}};
-  if (const auto& evaluation = spec.evaluation) {
-    json["evaluation"] = {{"parent_run_id", evaluation->parent_run_id},
-                          {"parent_uuid", evaluation->parent_uuid},
-                          {"env_step", evaluation->env_step},
-                          {"episode_steps", evaluation->episode_steps},
-                          {"agent_sha256", evaluation->agent_sha256}};
-    if (evaluation->behaviour) {
-      json["evaluation"]["behaviour"] = ComponentJson(*evaluation->behaviour);
-    }
-  }
-  return json;
-}
-
-RunSpec RunSpecFromJson(const Json& json) {
-  try {
-    RunSpec spec;
-    json.at("study").get_to(spec.study);
-    json.at("preset").get_to(spec.preset);
-    spec.environment = ComponentFromJson(json.at("environment"));
-    spec.model = ComponentFromJson(json.at("model"));
-    spec.planner = ComponentFromJson(json.at("planner"));
-    spec.eval_planner = ComponentFromJson(json.at("eval_planner"));
-    spec.run = ValuesFromJson(json.at("run"));
-    json.at("seed").get_to(spec.seed);
-    if (const auto found = json.find("evaluation"); found != json.end()) {
-      EvaluationSpec& evaluation = spec.evaluation.emplace();
-      found->at("parent_run_id").get_to(evaluation.parent_run_id);
-      found->at("parent_uuid").get_to(evaluation.parent_uuid);
-      found->at("env_step").get_to(evaluation.env_step);
-      found->at("episode_steps").get_to(evaluation.episode_steps);
-      found->at("agent_sha256").get_to(evaluation.agent_sha256);
-      if (found->contains("behaviour")) {
-        evaluation.behaviour = ComponentFromJson(found->at("behaviour"));
-      }
-    }
-    return spec;
-  } catch (const Json::exception& error) {
-    throw Failure(ExitCode::kInternal,
-                  std::string("a run's description cannot be read: ") + error.what());
-  }
-}
-
-ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
-  for (const ResolvedValue& value : resolved.values) {
-    ParameterValue stored;
-    stored.name = texts_.emplace_back(value.name).c_str();
-    stored.number = value.number;
-    if (value.type == ParameterType::kChoice || value.type == ParameterType::kText) {
-      stored.choice = texts_.emplace_back(value.choice).c_str();
-    }
-    values_.push_back(stored);
-  }
 }
 
 }  // namespace dreamsearch

@@ -5,93 +5,14 @@
 // one that names a kind (planner.k).
 #pragma once
 
-#include <cstdint>
-#include <deque>
-#include <memory>
-#include <nlohmann/json_fwd.hpp>
-#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "dreamsearch/parameter.h"
 #include "host/plugins/catalogue.h"
 #include "host/settings/run_options.h"
+#include "host/settings/run_spec.h"
 
 namespace dreamsearch {
-
-enum class ValueOrigin : std::uint32_t { kDefault = 0, kPreset = 1, kFile = 2, kCommandLine = 3 };
-
-const char* ValueOriginName(ValueOrigin origin);
-
-struct ResolvedValue {
-  std::string name;
-  ParameterType type = ParameterType::kReal;
-  double number = 0;   // kBool (0, 1), kInt, kReal
-  std::string choice;  // kChoice, kText
-  ValueOrigin origin = ValueOrigin::kDefault;
-};
-
-// "12", "0.5", "true", "sample": reads back as the same value.
-std::string ValueText(const ResolvedValue& value);
-
-// Values in declared order. The names given to the getters must be declared.
-struct ResolvedValues {
-  std::vector<ResolvedValue> values;
-
-  const ResolvedValue* Find(std::string_view name) const;
-  double Number(std::string_view name) const;
-  std::uint64_t Integer(std::string_view name) const;
-  const std::string& Choice(std::string_view name) const;
-};
-
-struct ResolvedComponent {
-  std::shared_ptr<const ComponentInfo> info;
-  ResolvedValues parameters;
-
-  const std::string& name() const { return info->name; }
-  bool Has(Trait trait) const { return info->Has(trait); }
-};
-
-// What `runner eval` plays, instead of training.
-struct EvaluationSpec {
-  // The trained run; 0 and empty for a model that needs no training.
-  std::int64_t parent_run_id = 0;
-  std::string parent_uuid;
-  std::uint64_t env_step = 0;       // environment steps of training in its checkpoint
-  std::uint64_t episode_steps = 0;  // environment steps of an episode of the task
-  std::string agent_sha256;         // of the trained model as saved there
-  // The trained run's model, when it gives only proposal and value to the run's
-  // own model: ModelContext::behaviour.
-  std::optional<ResolvedComponent> behaviour;
-};
-
-// One run, complete: it can be handed to another process as JSON.
-struct RunSpec {
-  std::string study;
-  std::string preset;
-  ResolvedComponent environment;
-  ResolvedComponent model;
-  ResolvedComponent planner;
-  ResolvedComponent eval_planner;
-  ResolvedValues run;  // the host's own parameters, see run_parameters.h
-  std::uint64_t seed = 0;
-  std::optional<EvaluationSpec> evaluation;  // not set: the run trains
-
-  // Environment steps of the run, and environment steps a decision.
-  std::uint64_t steps() const { return run.Integer("steps"); }
-  std::uint32_t action_repeat() const {
-    return static_cast<std::uint32_t>(run.Integer("action_repeat"));
-  }
-  // Environment steps that its process makes, for progress: those of the training, or
-  // of the episodes evaluated.
-  std::uint64_t work_steps() const {
-    return evaluation ? run.Integer("eval_episodes") * evaluation->episode_steps : steps();
-  }
-};
-
-// Its components, each plugin of which decides its results.
-std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
 
 // The cross product seed x environment x planner x model, in that order, the
 // last fastest. Errors: kUsage, or kBadInput when the value is the file's;
@@ -104,31 +25,5 @@ std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& cata
 // was not declared then has its preset's value.
 ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& preset,
                           const Catalogue& catalogue);
-
-// What makes two runs the same configuration: every resolved value and the names
-// of the components, keys sorted, no space; of an evaluation what decides its
-// episodes. Not in it: study, seed, preset's name, versions of components and
-// plugins, where a value came from.
-std::string CanonicalJson(const RunSpec& spec);
-std::string ConfigurationSha256(const RunSpec& spec);
-
-// Round trip; doubles keep every bit.
-nlohmann::json ToJson(const RunSpec& spec);
-RunSpec RunSpecFromJson(const nlohmann::json& json);  // kInternal when it is not one
-
-// Resolved values as a factory gets them. Owns the texts; not movable, because
-// what view() returns points into it.
-class ParameterStorage {
- public:
-  explicit ParameterStorage(const ResolvedValues& resolved);
-  ParameterStorage(const ParameterStorage&) = delete;
-  ParameterStorage& operator=(const ParameterStorage&) = delete;
-
-  Parameters view() const { return {{values_.data(), values_.size()}}; }
-
- private:
-  std::deque<std::string> texts_;
-  std::vector<ParameterValue> values_;
-};
 
 }  // namespace dreamsearch

@@ -133,11 +133,8 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
       options_(options),
       writer_(writer),
       folder_(std::move(folder)),
-      components_(spec_) {
-  for (const MetricSpec& metric : components_.planner().metrics) {
-    metric_ids_.push_back(
-        writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
-  }
+      components_(spec_),
+      metric_ids_(MetricIds(spec_.planner, writer_)) {
   at_.metric_sums.resize(metric_ids_.size());
 }
 
@@ -258,13 +255,12 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       watched = env_steps;
       writer_->CommitIfDue();
       RunProgress progress;
-      progress.stage = "evaluate";
+      progress.stage = RunStage::kEvaluating;
       progress.decisions = threads * together;
       progress.env_step = steps_before + env_steps;
-      progress.training_return = std::numeric_limits<double>::quiet_NaN();
-      progress.evaluation_return = at_.episodes == 0
-                                       ? std::numeric_limits<double>::quiet_NaN()
-                                       : at_.return_sum / static_cast<double>(at_.episodes);
+      if (at_.episodes > 0) {
+        progress.evaluation_return = at_.return_sum / static_cast<double>(at_.episodes);
+      }
       watcher(progress);
     }
   }

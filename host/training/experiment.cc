@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <limits>
-#include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
 
@@ -12,39 +10,8 @@
 #include "host/training/resumption.h"
 #include "results/system/digest.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
 
 namespace dreamsearch {
-namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-constexpr PartName kPositionPart{"training", 1};
-constexpr PartName kReplayPart{"replay", 1};
-constexpr PartName kEpisodePart{"episode", 1};
-constexpr PartName kTreesPart{"trees", 1};
-
-template <typename Archive>
-void VisitTrees(Archive* archive, Experiment::Trees* trees) {
-  std::vector<std::pair<std::uint64_t, std::string>> items(trees->begin(), trees->end());
-  std::uint64_t count = items.size();
-  (*archive)("count", &count);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    if (i == items.size()) items.emplace_back();
-    (*archive)("decision", &items[i].first);
-    (*archive)("tree", &items[i].second);
-  }
-  *trees = {items.begin(), items.end()};
-}
-
-void SaveTrees(Experiment::Trees trees, CheckpointWriter* file) {
-  file->Part(kTreesPart, [&](StateWriter* part) { VisitTrees(part, &trees); });
-}
-
-// The database counts in signed 64-bit integers.
-std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_t>(count); }
-
-}  // namespace
 
 Experiment::Experiment(const RunSpec& spec, const Options& options, results::RunWriter* writer,
                        std::filesystem::path folder)
@@ -99,16 +66,8 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   plan_us_.reserve(episode_steps);
   episode_actions_.reserve(episode_steps * environment_->spec().action_size);
 
-  for (const MetricSpec& metric : components_.planner().metrics) {
-    planner_metric_ids_.push_back(
-        writer_->Metric(spec_.planner.name() + "." + metric.name, metric.unit, metric.help));
-  }
-  for (const MetricSpec& metric : components_.model().metrics) {
-    model_metric_ids_.push_back(
-        writer_->Metric(spec_.model.name() + "." + metric.name, metric.unit, metric.help));
-  }
-  at_.last_training_return = kNaN;
-  at_.last_evaluation_return = kNaN;
+  planner_metric_ids_ = MetricIds(spec_.planner, writer_);
+  model_metric_ids_ = MetricIds(spec_.model, writer_);
 }
 
 Experiment::~Experiment() = default;
@@ -126,7 +85,7 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
       switch (at_.stage) {
         case Stage::kEvaluate:
           AdjustThreads();
-          Watch("evaluate");
+          Watch(RunStage::kEvaluating);
           if (!Evaluate()) break;  // a stop was asked for
           at_.stage = at_.env_step >= target_ ? Stage::kDone : Stage::kEpisodeStart;
           break;
@@ -137,13 +96,13 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
           break;
         case Stage::kEpisode:
           MakeDecision();
-          Watch(episode_.random != 0 ? "explore at random" : "interact");
+          Watch(episode_.random != 0 ? RunStage::kExploring : RunStage::kInteracting);
           break;
         case Stage::kLearn:
           if (at_.pending_updates > 0) {
             AdjustThreads();
             MakeUpdate();
-            Watch("learn");
+            Watch(RunStage::kLearning);
           } else {
             FinishUpdates();
           }
@@ -158,11 +117,11 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
   }
   WriteCheckpoint(false);
   RecordTimeUse();  // again, with the checkpoint's own time
-  Watch("finished");
+  Watch(RunStage::kFinished);
   return Outcome::kFinished;
 }
 
-void Experiment::Watch(const char* stage) {
+void Experiment::Watch(RunStage stage) {
   RunProgress progress;
   progress.stage = stage;
   progress.env_step = at_.env_step;
@@ -268,36 +227,11 @@ void Experiment::WarnOfTerminalState() {
   std::cerr << "warning: " << message << "\n";
 }
 
-std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,
-                                            std::uint64_t episode) {
-  return folder / ("trees-" + std::to_string(episode) + ".trees");
-}
-
-Experiment::Trees Experiment::ReadTrees(const std::filesystem::path& path) {
-  Trees trees;
-  Checkpoint(path).Read(kTreesPart, [&](StateReader* part) { VisitTrees(part, &trees); });
-  return trees;
-}
-
-void Experiment::KeepTree(const Decision& decision) {
-  const ActivityScope scope(&clock_, Activity::kRecording);
-  if (tree_.faulty()) {
-    throw Failure(ExitCode::kInternal, "planner '" + spec_.planner.name() +
-                                           "' reported an edge before its parent, or memory "
-                                           "ran out");
-  }
-  if (tree_.edges().empty()) return;
-  nlohmann::json json =
-      TreeJson(tree_, agent_->action(), decision, agent_->metrics(), components_.planner().metrics);
-  json["env_step"] = at_.env_step;
-  trees_[episode_.t] = results::JsonText(json);
-}
-
 void Experiment::FinishEpisode() {
   const ActivityScope scope(&clock_, Activity::kRecording);
   if (!trees_.empty()) {
     AddArtifact(WriteCheckpointFile(TreesPath(folder_, at_.training_episodes),
-                                    [&](CheckpointWriter* file) { SaveTrees(trees_, file); }),
+                                    [&](CheckpointWriter* file) { SaveTrees(file); }),
                 "trees");
     trees_.clear();
   }
@@ -407,7 +341,7 @@ bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
   };
   course.go_on = [&](std::uint64_t index, std::uint64_t) {
     if (stop_->load(std::memory_order_relaxed) || !faults.MayGoOn(index)) return false;
-    Watch("evaluate");
+    Watch(RunStage::kEvaluating);
     writer_->CommitIfDue();
     return true;
   };
@@ -467,147 +401,6 @@ void Experiment::RecordTimeUse() {
 void Experiment::MaybeCheckpoint() {
   const auto every = spec_.run.Integer("checkpoint_every");
   if (at_.env_step >= at_.checkpoint_env_step + every) WriteCheckpoint(true);
-}
-
-void Experiment::WriteCheckpoint(bool with_replay) {
-  const ActivityScope scope(&clock_, Activity::kRecording);
-  // The rows before the checkpoint first: a resume relies on them.
-  writer_->SetProgress(Signed(at_.env_step));
-  writer_->Commit();
-  const std::uint64_t before = at_.checkpoint_env_step;
-  at_.checkpoint_env_step = at_.env_step;
-  at_.events = static_cast<std::uint64_t>(writer_->events());
-  const WrittenFile written = CheckpointFolder(folder_).Write(
-      at_.env_step,
-      [&](CheckpointWriter* checkpoint) {
-        Save(checkpoint, with_replay);
-        AddRowSums(*writer_, checkpoint);
-      },
-      before);
-  AddArtifact(written, "checkpoint");
-  writer_->Commit();
-}
-
-void Experiment::AddArtifact(const WrittenFile& file, const std::string& kind) {
-  writer_->AddArtifact(file.path.string(), kind, Signed(at_.env_step), Signed(file.bytes),
-                       file.sha256);
-}
-
-void Experiment::DumpDivergence(const std::string& message) {
-  writer_->AddEvent(Signed(at_.env_step), "error", "divergence", message);
-  try {
-    AddArtifact(
-        WriteCheckpointFile(folder_ / ("divergence-" + std::to_string(at_.env_step) + ".ckpt"),
-                            [&](CheckpointWriter* checkpoint) { Save(checkpoint, true); }),
-        "divergence");
-  } catch (const Failure& error) {
-    writer_->AddEvent(Signed(at_.env_step), "warning", "no_state_dump", error.what());
-  }
-  writer_->Commit();
-}
-
-void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
-  checkpoint->Value(kHeaderPart, options_.header);
-  checkpoint->Part(kPositionPart, [&](StateWriter* part) {
-    Position(at_).Fields(part);
-    part->Array("activity_seconds", const_cast<ActivityClock&>(clock_).Totals().data(),
-                kActivities);
-    (*part)("burst_metrics", &burst_metrics_);
-  });
-  SaveModel(*model_, spec_.model.name(), checkpoint);
-  if (with_replay) {
-    checkpoint->Part(kReplayPart, [&](StateWriter* part) { replay_.Save(part); });
-  }
-  if (at_.stage == Stage::kEpisode) {
-    checkpoint->Part(kEpisodePart, [&](StateWriter* part) { SaveEpisode(part); });
-    SaveTrees(trees_, checkpoint);
-  }
-}
-
-void Experiment::SaveEpisode(StateWriter* part) const {
-  EpisodeState(episode_).Fields(part);
-  (*part)("observation", &observation_);
-  (*part)("action", &action_);
-  (*part)("actions", &episode_actions_);
-  (*part)("plan_us", &plan_us_);
-  (*part)("metric_sums", &episode_metrics_);
-  std::vector<std::byte> state(environment_->spec().state_bytes);
-  if (!state.empty()) {
-    ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
-                  "environment '" + spec_.environment.name() + "' SaveState");
-  }
-  (*part)("environment_state", &state);
-  agent_->Save(part);
-}
-
-void Experiment::Load(const Checkpoint& checkpoint) {
-  LoadModel(checkpoint, spec_.model.name(), model_.get());
-  checkpoint.Read(kPositionPart, [&](StateReader* part) {
-    at_.Fields(part);
-    if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
-    ActivityClock::Seconds seconds{};
-    part->Array("activity_seconds", seconds.data(), kActivities);
-    clock_.set_totals(seconds);
-    part->Array("burst_metrics", burst_metrics_.data(), burst_metrics_.size());
-  });
-  if (checkpoint.Has(kReplayPart)) {
-    checkpoint.Read(kReplayPart, [&](StateReader* part) { replay_.Load(part); });
-  }
-  if (at_.stage != Stage::kEpisode) return;
-  checkpoint.Read(kTreesPart, [&](StateReader* part) { VisitTrees(part, &trees_); });
-  checkpoint.Read(kEpisodePart, [&](StateReader* part) { LoadEpisode(part); });
-}
-
-void Experiment::LoadEpisode(StateReader* part) {
-  episode_.Fields(part);
-  part->Array("observation", observation_.data(), observation_.size());
-  part->Array("action", action_.data(), action_.size());
-  (*part)("actions", &episode_actions_);
-  if (episode_actions_.size() != episode_.t * action_.size()) {
-    part->Refuse("field 'actions': expected those of " + std::to_string(episode_.t) +
-                 " decisions, found " + std::to_string(episode_actions_.size()) + " numbers");
-  }
-  (*part)("plan_us", &plan_us_);
-  part->Array("metric_sums", episode_metrics_.data(), episode_metrics_.size());
-  std::vector<std::byte> state(environment_->spec().state_bytes);
-  part->Array("environment_state", state.data(), state.size());
-  if (!state.empty()) {
-    ThrowUnlessOk(environment_->RestoreState({state.data(), state.size()}),
-                  "environment '" + spec_.environment.name() + "' RestoreState");
-  } else {
-    // No saved state: live the episode again. The same seed and actions give the
-    // same bits.
-    const auto seed = static_cast<std::uint32_t>(
-        SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
-    std::vector<double> observation(observation_.size());
-    const View<double> view{observation.data(), observation.size()};
-    ThrowUnlessOk(environment_->Reset(seed, view),
-                  "environment '" + spec_.environment.name() + "' Reset");
-    for (std::uint64_t t = 0; t < episode_.t; ++t) {
-      HoldAction(environment_.get(), spec_.environment.name(),
-                 {episode_actions_.data() + t * action_.size(), action_.size()},
-                 spec_.action_repeat(), view);
-    }
-  }
-  agent_->Load(part);
-}
-
-results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {
-  Position position;
-  checkpoint.Read(kPositionPart, [&](StateReader* part) {
-    position.Fields(part);
-    ActivityClock::Seconds seconds{};
-    part->Array("activity_seconds", seconds.data(), kActivities);
-    std::vector<double> burst_metrics;
-    (*part)("burst_metrics", &burst_metrics);
-  });
-  results::ResumePoint point;
-  point.env_step = Signed(position.env_step);
-  point.training_episodes = Signed(position.training_episodes);
-  point.search_evaluation_episodes = Signed(position.evaluation_episodes);
-  point.actor_evaluation_episodes = Signed(position.evaluation_episodes);
-  point.events = Signed(position.events);
-  return point;
 }
 
 }  // namespace dreamsearch

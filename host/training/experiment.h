@@ -16,6 +16,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -90,8 +91,8 @@ class Experiment final : public Procedure {
     std::uint64_t checkpoint_env_step = 0;
     std::uint64_t pretrained = 0;
     std::uint64_t burst_updates = 0;  // updates summed in burst_metrics_
-    double last_training_return = 0;
-    double last_evaluation_return = 0;
+    double last_training_return = std::numeric_limits<double>::quiet_NaN();
+    double last_evaluation_return = std::numeric_limits<double>::quiet_NaN();
     Stage stage = Stage::kEvaluate;
 
     template <typename Archive>
@@ -154,9 +155,10 @@ class Experiment final : public Procedure {
   void MaybeCheckpoint();
   void RecordTimeUse();
   void WriteCheckpoint(bool with_replay);
-  void Watch(const char* stage);
+  void Watch(RunStage stage);
   void AddArtifact(const WrittenFile& file, const std::string& kind);
   void SaveEpisode(StateWriter* part) const;
+  void SaveTrees(CheckpointWriter* file) const;
   void LoadEpisode(StateReader* part);
   void DumpDivergence(const std::string& message);
 

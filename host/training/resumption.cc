@@ -56,9 +56,7 @@ CheckpointHeader HeaderOf(const RunSpec& spec, const std::string& uuid) {
   header.configuration = ConfigurationSha256(spec);
   header.seed = spec.seed;
   header.instruction_set = InstructionSetInUse();
-  for (const ResolvedComponent* component : ComponentsOf(spec)) {
-    header.plugins[component->info->plugin.name] = component->info->plugin.sha256;
-  }
+  header.plugins = PluginDigests(spec);
   return header;
 }
 

@@ -38,6 +38,11 @@ enum class RunStatus {
   kKilled,
 };
 const char* RunStatusName(RunStatus status);
+// Whether the run ended by a fault of its own, so that it is not tried again unasked.
+constexpr bool HasFailed(RunStatus status) {
+  return status == RunStatus::kFailed || status == RunStatus::kCrashed ||
+         status == RunStatus::kDiverged;
+}
 // Throws Failure 65 for an unknown name.
 RunStatus ParseRunStatus(const std::string& name);
 
@@ -51,6 +56,19 @@ struct TaskInfo {
   std::int64_t episode_steps = 0;  // environment steps until the time limit
   double return_low = 0;           // range of an episode's return; equal when there is
   double return_high = 0;          //   none, and then there is no normalised score
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("name", &name);
+    (*archive)("domain", &domain);
+    (*archive)("observation_size", &observation_size);
+    (*archive)("action_size", &action_size);
+    (*archive)("control_seconds", &control_seconds);
+    (*archive)("substeps", &substeps);
+    (*archive)("episode_steps", &episode_steps);
+    (*archive)("return_low", &return_low);
+    (*archive)("return_high", &return_high);
+  }
 };
 
 struct PluginInfo {

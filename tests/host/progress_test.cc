@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <utility>
 
-#include "host/processes/rate_meter.h"
 #include "host/processes/report.h"
+#include "host/training/rate_meter.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
@@ -36,19 +38,32 @@ TEST(RateMeter, CountsOnlyWhatCounts) {
 
 TEST(Report, RoundTripsAndRefusesNoise) {
   Report report;
-  report.stage = "learn";
-  report.env_step = 5000;
-  report.training_return = 12.5;
-  report.evaluation_return = std::numeric_limits<double>::quiet_NaN();
+  report.progress.stage = RunStage::kLearning;
+  report.progress.env_step = 5000;
+  report.progress.training_return = 12.5;
+  report.progress.decisions = 3;
+  report.progress.threads = 2;
   const auto decoded = DecodeReport(EncodeReport(report));
   ASSERT_TRUE(decoded);
-  EXPECT_EQ(decoded->stage, "learn");
-  EXPECT_EQ(decoded->env_step, 5000u);
-  EXPECT_EQ(decoded->training_return, 12.5);
-  EXPECT_TRUE(std::isnan(decoded->evaluation_return));
-  EXPECT_FALSE(DecodeReport("hello"));
-  EXPECT_FALSE(DecodeReport("[1, 2]"));
-  EXPECT_FALSE(DecodeReport("{}"));
+  EXPECT_EQ(decoded->kind, Report::Kind::kProgress);
+  EXPECT_EQ(decoded->progress.stage, RunStage::kLearning);
+  EXPECT_EQ(decoded->progress.env_step, 5000u);
+  EXPECT_EQ(decoded->progress.training_return, 12.5);
+  EXPECT_TRUE(std::isnan(decoded->progress.evaluation_return));
+  EXPECT_EQ(decoded->progress.decisions, 3u);
+  EXPECT_EQ(decoded->progress.threads, 2u);
+  const std::string line = EncodeReport(report);
+  for (const auto& [from, to] :
+       {std::pair("\"kind\":0", "\"kind\":9"), std::pair("\"stage\":3", "\"stage\":17"),
+        std::pair("\"env_step\":5000", "\"env_step\":\"x\"")}) {
+    std::string noise = line;
+    ASSERT_NE(noise.find(from), std::string::npos) << line;
+    noise.replace(noise.find(from), std::string(from).size(), to);
+    EXPECT_FALSE(DecodeReport(noise)) << noise;
+  }
+  for (const char* noise : {"hello", "[1, 2]", "{}", "", "null", "{\"kind\":0}"}) {
+    EXPECT_FALSE(DecodeReport(noise)) << noise;
+  }
 }
 
 }  // namespace

@@ -11,13 +11,13 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "host/commands/commands.h"
 #include "results/system/error.h"
+#include "results/system/json_fields.h"
 #include "results/system/sha256.h"
 #include "temporary_folder.h"
 
@@ -104,7 +104,9 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_FALSE(planner->Has(kActorAlone));
   EXPECT_EQ(catalogue.Find(ComponentKind::kModel, "good")->traits, kNeedsEnvironment | kDefault);
   EXPECT_EQ(catalogue.DefaultModel(false)->name, "good");
-  EXPECT_EQ(ToJson(ComponentInfoFromJson(ToJson(*planner))), ToJson(*planner));
+  const nlohmann::json json = results::FieldsToJson(*planner);
+  EXPECT_EQ(results::FieldsToJson(results::FieldsFromJson<ComponentInfo>(json)), json);
+  EXPECT_EQ(json["parameters"][0]["presets"][0]["number"], 0.25);
 }
 
 TEST(Catalogue, RefusesLibrariesThatEndTheProcess) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/plugins/descriptor_check.h"
 #include "host/plugins/plugin_loader.h"
 #include "plugins/tiny_plugin.h"
 #include "results/system/error.h"

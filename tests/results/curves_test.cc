@@ -146,10 +146,9 @@ TEST_F(CurvesTest, TheLegendSaysHowManySeedsAndTheNotesWhatIsMissing) {
   ASSERT_EQ(figure.legend.size(), 2u);
   EXPECT_EQ(figure.legend[0].text, "mcts_pw with search (n = 2)");
   EXPECT_EQ(figure.legend[1].text, "rollout with search (n = 1)");
-  EXPECT_EQ(
-      MissingOrUnfinished(lines),
-      (std::vector<std::string>{"walker_walk, mcts_pw: seed 1 crashed at 0 of 100,000 steps.",
-                                "walker_walk, rollout: seed 1 is missing."}));
+  EXPECT_EQ(MissingOrUnfinished(lines),
+            (std::vector<std::string>{"walker_walk, mcts_pw: seed 1 crashed at 0 of 100,000 steps.",
+                                      "walker_walk, rollout: seed 1 is missing."}));
 }
 
 bool HasBand(const Figure& figure) {

@@ -1,4 +1,4 @@
-#include "host/processes/rate_meter.h"
+#include "host/training/rate_meter.h"
 
 #include <algorithm>
 

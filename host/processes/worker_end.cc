@@ -1,0 +1,99 @@
+#include "host/processes/worker_end.h"
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include "host/processes/child_process.h"
+#include "results/system/error.h"
+#include "results/system/text.h"
+
+namespace dreamsearch {
+namespace {
+
+// So much of a log is searched for its last line.
+constexpr std::streamoff kLogEndBytes = 64 << 10;
+
+// The last line of a log, for the message about a crash; a plugin may have filled it.
+std::string LastLine(const std::filesystem::path& log) {
+  std::ifstream file(log);
+  file.seekg(0, std::ios::end);
+  file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
+  std::string last;
+  for (std::string line; std::getline(file, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last.substr(0, 300);
+}
+
+bool IsStopSignal(int signal) {
+  return std::find(std::begin(kStopSignals), std::end(kStopSignals), signal) !=
+         std::end(kStopSignals);
+}
+
+WorkerEnd Killed(const WorkerCourse& course) {
+  const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
+  const std::string doing = std::string(" while it was to ") + RunStageName(course.stage);
+  const std::string log = "Log: " + course.log.string();
+  switch (course.killed) {
+    case WorkerCourse::Killed::kHang:
+      return {results::RunStatus::kCrashed, crashed,
+              "no sign of life for " + FormatDuration(course.patience_seconds) +
+                  " of processor time" + doing +
+                  "; a plugin hangs, or --hang-timeout is too short. " + log};
+    case WorkerCourse::Killed::kOverdue:
+      return {results::RunStatus::kKilled, crashed,
+              "did not stop within " + FormatDuration(course.grace_seconds) + " of " +
+                  (course.asked == WorkerCourse::Asked::kTimeLimit
+                       ? "its time limit of " + FormatDuration(course.time_limit_seconds)
+                       : "being asked to") +
+                  doing + ". The same command resumes it. " + log};
+    case WorkerCourse::Killed::kStop:
+      return {results::RunStatus::kInterrupted, static_cast<int>(ExitCode::kInterrupted),
+              "stopped at once"};
+    case WorkerCourse::Killed::kNo:
+      break;
+  }
+  return {results::RunStatus::kKilled, crashed,
+          "killed from outside (out of memory?). The same command resumes it"};
+}
+
+}  // namespace
+
+WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
+  const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
+  const int interrupted = static_cast<int>(ExitCode::kInterrupted);
+  const std::string log = ". Log: " + course.log.string();
+  if (WIFSIGNALED(wait_status)) {
+    const int signal = WTERMSIG(wait_status);
+    if (signal == SIGKILL) return Killed(course);
+    if (course.asked != WorkerCourse::Asked::kNo && IsStopSignal(signal)) {
+      return {results::RunStatus::kInterrupted, interrupted, "ended before it could checkpoint"};
+    }
+    const std::string last = LastLine(course.log);
+    return {results::RunStatus::kCrashed, crashed,
+            "crashed with " + DescribeWaitStatus(wait_status) + " while it was to " +
+                RunStageName(course.stage) + (last.empty() ? "" : ": " + last) + log};
+  }
+  const int code = WEXITSTATUS(wait_status);
+  if (code == 0 && course.done) return {results::RunStatus::kFinished, 0, ""};
+  if (code == 0) {
+    return {results::RunStatus::kCrashed, crashed,
+            "its process ended without finishing; a plugin called exit?" + log.substr(1)};
+  }
+  if (code == interrupted) {
+    return {results::RunStatus::kInterrupted, interrupted,
+            course.asked == WorkerCourse::Asked::kTimeLimit
+                ? "time limit of " + FormatDuration(course.time_limit_seconds) + " reached"
+                : ""};
+  }
+  if (code == static_cast<int>(ExitCode::kDiverged)) {
+    return {results::RunStatus::kDiverged, code, course.error};
+  }
+  return {results::RunStatus::kFailed, code,
+          course.error.empty() ? DescribeWaitStatus(wait_status) + log : course.error};
+}
+
+}  // namespace dreamsearch

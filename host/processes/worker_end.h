@@ -1,0 +1,40 @@
+// worker_end.h - what became of a worker's run: its status, exit code and the sentence for
+// people, from how the process ended and what the supervisor had done to it.
+#pragma once
+
+#include <signal.h>
+
+#include <filesystem>
+#include <string>
+
+#include "host/training/procedure.h"
+#include "results/database/database.h"
+
+namespace dreamsearch {
+
+// What asks a supervisor, and by it its workers, to stop.
+inline constexpr int kStopSignals[] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
+
+// What a supervisor knows of a worker that has ended.
+struct WorkerCourse {
+  // Why it asked it to end with a checkpoint, and why it killed it, if it did.
+  enum class Asked { kNo, kTimeLimit, kStop } asked = Asked::kNo;
+  enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
+  RunStage stage = RunStage::kStarting;  // last reported
+  bool done = false;                     // reported
+  std::string error;                     // reported
+  std::filesystem::path log;
+  double patience_seconds = 0;  // of processor time without a sign of life
+  double grace_seconds = 0;     // after it was asked to end
+  double time_limit_seconds = 0;
+};
+
+struct WorkerEnd {
+  results::RunStatus status = results::RunStatus::kFailed;
+  int exit_code = 0;
+  std::string error;
+};
+
+WorkerEnd EndOf(const WorkerCourse& course, int wait_status);
+
+}  // namespace dreamsearch

@@ -1,0 +1,196 @@
+#include "host/settings/run_spec.h"
+
+#include <cassert>
+#include <charconv>
+#include <cmath>
+
+#include "results/system/error.h"
+#include "results/system/json_fields.h"
+#include "results/system/json_text.h"
+#include "results/system/sha256.h"
+
+namespace dreamsearch {
+
+using Json = nlohmann::json;
+
+Json ToJson(const RunSpec& spec) { return results::FieldsToJson(spec); }
+
+RunSpec RunSpecFromJson(const Json& json) {
+  try {
+    return results::FieldsFromJson<RunSpec>(json);
+  } catch (const Json::exception& error) {
+    throw Failure(ExitCode::kInternal,
+                  std::string("a run's description cannot be read: ") + error.what());
+  }
+}
+
+// --- values ------------------------------------------------------------------
+
+std::string NumberText(ParameterType type, double number) {
+  char text[64];
+  const std::to_chars_result end =
+      type == ParameterType::kInt
+          ? std::to_chars(text, text + sizeof text, static_cast<std::int64_t>(number))
+          : std::to_chars(text, text + sizeof text, number);
+  return std::string(text, end.ptr);
+}
+
+const char* ValueOriginName(ValueOrigin origin) {
+  switch (origin) {
+    case ValueOrigin::kDefault:
+      return "default";
+    case ValueOrigin::kPreset:
+      return "preset";
+    case ValueOrigin::kFile:
+      return "file";
+    case ValueOrigin::kCommandLine:
+      return "command line";
+  }
+  return "unknown";
+}
+
+std::string ValueText(const ResolvedValue& value) {
+  switch (value.type) {
+    case ParameterType::kBool:
+      return value.number != 0 ? "true" : "false";
+    case ParameterType::kChoice:
+    case ParameterType::kText:
+      return value.choice;
+    default:
+      return NumberText(value.type, value.number);
+  }
+}
+
+const ResolvedValue* ResolvedValues::Find(std::string_view name) const {
+  for (const ResolvedValue& value : values) {
+    if (value.name == name) return &value;
+  }
+  return nullptr;
+}
+
+double ResolvedValues::Number(std::string_view name) const {
+  const ResolvedValue* value = Find(name);
+  if (value == nullptr) {
+    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+  }
+  return value->number;
+}
+
+std::uint64_t ResolvedValues::Integer(std::string_view name) const {
+  const double number = Number(name);
+  assert(number >= 0 && number == std::trunc(number));
+  return static_cast<std::uint64_t>(number);
+}
+
+const std::string& ResolvedValues::Choice(std::string_view name) const {
+  const ResolvedValue* value = Find(name);
+  if (value == nullptr) {
+    throw Failure(ExitCode::kInternal, "no resolved value '" + std::string(name) + "'");
+  }
+  return value->choice;
+}
+
+std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
+  std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model, &spec.planner,
+                                                      &spec.eval_planner};
+  if (spec.evaluation && spec.evaluation->behaviour) {
+    components.push_back(&*spec.evaluation->behaviour);
+  }
+  return components;
+}
+
+std::string ChangedPlugin(const RunSpec& spec, const std::map<std::string, std::string>& then) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    const PluginInfo& now = component->info->plugin;
+    const auto before = then.find(now.name);
+    std::string change = PluginChange(now, before == then.end() ? "" : before->second);
+    if (!change.empty()) return change;
+  }
+  return "";
+}
+
+std::map<std::string, std::string> PluginDigests(const RunSpec& spec) {
+  std::map<std::string, std::string> digests;
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    digests[component->info->plugin.name] = component->info->plugin.sha256;
+  }
+  return digests;
+}
+
+std::string ChangedFile(const RunSpec& spec) {
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    PluginInfo there = component->info->plugin;
+    there.sha256 = Sha256HexOfFile(there.path);
+    std::string change = PluginChange(there, component->info->plugin.sha256);
+    if (!change.empty()) return change;
+  }
+  return "";
+}
+
+// --- configurations ----------------------------------------------------------
+
+namespace {
+
+Json ValueJson(const ResolvedValue& value) {
+  switch (value.type) {
+    case ParameterType::kBool:
+      return value.number != 0;
+    case ParameterType::kInt:
+      return static_cast<std::int64_t>(value.number);
+    case ParameterType::kReal:
+      return value.number;
+    case ParameterType::kChoice:
+    case ParameterType::kText:
+      return value.choice;
+  }
+  return nullptr;
+}
+
+Json CanonicalValues(const ResolvedValues& resolved) {
+  Json json = Json::object();
+  for (const ResolvedValue& value : resolved.values) json[value.name] = ValueJson(value);
+  return json;
+}
+
+Json CanonicalComponent(const ResolvedComponent& component) {
+  return {{"name", component.name()}, {"parameters", CanonicalValues(component.parameters)}};
+}
+
+}  // namespace
+
+std::string CanonicalJson(const RunSpec& spec) {
+  // nlohmann's objects are ordered by key, and its doubles are the shortest texts
+  // that read back the same.
+  Json json = {{"environment", CanonicalComponent(spec.environment)},
+               {"model", CanonicalComponent(spec.model)},
+               {"planner", CanonicalComponent(spec.planner)}};
+  if (!spec.evaluation) {
+    json["eval_planner"] = CanonicalComponent(spec.eval_planner);
+    json["run"] = CanonicalValues(spec.run);
+    return results::JsonText(json);
+  }
+  json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},
+                 {"eval_episodes", spec.run.Integer("eval_episodes")}};
+  json["evaluation"] = {{"env_step", spec.evaluation->env_step},
+                        {"agent_sha256", spec.evaluation->agent_sha256}};
+  if (spec.evaluation->behaviour) {
+    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
+  }
+  return results::JsonText(json);
+}
+
+std::string ConfigurationSha256(const RunSpec& spec) { return Sha256Hex(CanonicalJson(spec)); }
+
+ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
+  for (const ResolvedValue& value : resolved.values) {
+    ParameterValue stored;
+    stored.name = texts_.emplace_back(value.name).c_str();
+    stored.number = value.number;
+    if (value.type == ParameterType::kChoice || value.type == ParameterType::kText) {
+      stored.choice = texts_.emplace_back(value.choice).c_str();
+    }
+    values_.push_back(stored);
+  }
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,174 @@
+// run_spec.h - a run with every value resolved: what passes between processes and is kept
+// in run.json.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dreamsearch/parameter.h"
+#include "host/plugins/description.h"
+
+namespace dreamsearch {
+
+enum class ValueOrigin : std::uint32_t { kDefault = 0, kPreset = 1, kFile = 2, kCommandLine = 3 };
+
+const char* ValueOriginName(ValueOrigin origin);
+
+struct ResolvedValue {
+  std::string name;
+  ParameterType type = ParameterType::kReal;
+  double number = 0;   // kBool (0, 1), kInt, kReal
+  std::string choice;  // kChoice, kText
+  ValueOrigin origin = ValueOrigin::kDefault;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("name", &name);
+    (*archive)("type", &type);
+    (*archive)("number", &number);
+    (*archive)("choice", &choice);
+    (*archive)("origin", &origin);
+  }
+};
+
+// The shortest text that reads back as the same number; integers in full.
+std::string NumberText(ParameterType type, double number);
+
+// "12", "0.5", "true", "sample": reads back as the same value.
+std::string ValueText(const ResolvedValue& value);
+
+// Values in declared order. The names given to the getters must be declared.
+struct ResolvedValues {
+  std::vector<ResolvedValue> values;
+
+  const ResolvedValue* Find(std::string_view name) const;
+  double Number(std::string_view name) const;
+  std::uint64_t Integer(std::string_view name) const;
+  const std::string& Choice(std::string_view name) const;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("values", &values);
+  }
+};
+
+struct ResolvedComponent {
+  std::shared_ptr<const ComponentInfo> info;
+  ResolvedValues parameters;
+
+  const std::string& name() const { return info->name; }
+  bool Has(Trait trait) const { return info->Has(trait); }
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("info", &info);
+    (*archive)("parameters", &parameters);
+  }
+};
+
+// What `runner eval` plays, instead of training.
+struct EvaluationSpec {
+  // The trained run; 0 and empty for a model that needs no training.
+  std::int64_t parent_run_id = 0;
+  std::string parent_uuid;
+  std::uint64_t env_step = 0;       // environment steps of training in its checkpoint
+  std::uint64_t episode_steps = 0;  // environment steps of an episode of the task
+  std::string agent_sha256;         // of the trained model as saved there
+  // The trained run's model, when it gives only proposal and value to the run's
+  // own model: ModelContext::behaviour.
+  std::optional<ResolvedComponent> behaviour;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("parent_run_id", &parent_run_id);
+    (*archive)("parent_uuid", &parent_uuid);
+    (*archive)("env_step", &env_step);
+    (*archive)("episode_steps", &episode_steps);
+    (*archive)("agent_sha256", &agent_sha256);
+    (*archive)("behaviour", &behaviour);
+  }
+};
+
+// One run, complete: it can be handed to another process as JSON.
+struct RunSpec {
+  std::string study;
+  std::string preset;
+  ResolvedComponent environment;
+  ResolvedComponent model;
+  ResolvedComponent planner;
+  ResolvedComponent eval_planner;
+  ResolvedValues run;  // the host's own parameters, see run_parameters.h
+  std::uint64_t seed = 0;
+  std::optional<EvaluationSpec> evaluation;  // not set: the run trains
+
+  // Environment steps of the run, and environment steps a decision.
+  std::uint64_t steps() const { return run.Integer("steps"); }
+  std::uint32_t action_repeat() const {
+    return static_cast<std::uint32_t>(run.Integer("action_repeat"));
+  }
+  // Environment steps that its process makes, for progress: those of the training, or
+  // of the episodes evaluated.
+  std::uint64_t work_steps() const {
+    return evaluation ? run.Integer("eval_episodes") * evaluation->episode_steps : steps();
+  }
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("study", &study);
+    (*archive)("preset", &preset);
+    (*archive)("environment", &environment);
+    (*archive)("model", &model);
+    (*archive)("planner", &planner);
+    (*archive)("eval_planner", &eval_planner);
+    (*archive)("run", &run);
+    (*archive)("seed", &seed);
+    (*archive)("evaluation", &evaluation);
+  }
+};
+
+// Its components, each plugin of which decides its results.
+std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
+
+// Which of the run's plugins is not the one it was then, and how (PluginChange); empty if
+// none. `then`: SHA-256 by the plugin's name.
+std::string ChangedPlugin(const RunSpec& spec, const std::map<std::string, std::string>& then);
+// SHA-256 of its plugins by name.
+std::map<std::string, std::string> PluginDigests(const RunSpec& spec);
+// Which of the plugin files that are there now is not the one that the run names, and how;
+// empty if none.
+std::string ChangedFile(const RunSpec& spec);
+
+// What makes two runs the same configuration: every resolved value and the names
+// of the components, keys sorted, no space; of an evaluation what decides its
+// episodes. Not in it: study, seed, preset's name, versions of components and
+// plugins, where a value came from.
+std::string CanonicalJson(const RunSpec& spec);
+std::string ConfigurationSha256(const RunSpec& spec);
+
+// Round trip; doubles keep every bit.
+nlohmann::json ToJson(const RunSpec& spec);
+RunSpec RunSpecFromJson(const nlohmann::json& json);  // kInternal when it is not one
+
+// Resolved values as a factory gets them. Owns the texts; not movable, because
+// what view() returns points into it.
+class ParameterStorage {
+ public:
+  explicit ParameterStorage(const ResolvedValues& resolved);
+  ParameterStorage(const ParameterStorage&) = delete;
+  ParameterStorage& operator=(const ParameterStorage&) = delete;
+
+  Parameters view() const { return {{values_.data(), values_.size()}}; }
+
+ private:
+  std::deque<std::string> texts_;
+  std::vector<ParameterValue> values_;
+};
+
+}  // namespace dreamsearch

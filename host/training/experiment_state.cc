@@ -1,0 +1,192 @@
+// experiment_state.cc - a training's state in checkpoints and other files of its run.
+#include <nlohmann/json.hpp>
+
+#include "host/training/experiment.h"
+#include "host/training/resumption.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr PartName kPositionPart{"training", 1};
+constexpr PartName kReplayPart{"replay", 1};
+constexpr PartName kEpisodePart{"episode", 1};
+constexpr PartName kTreesPart{"trees", 1};
+
+}  // namespace
+
+std::filesystem::path Experiment::TreesPath(const std::filesystem::path& folder,
+                                            std::uint64_t episode) {
+  return folder / ("trees-" + std::to_string(episode) + ".trees");
+}
+
+Experiment::Trees Experiment::ReadTrees(const std::filesystem::path& path) {
+  Trees trees;
+  Checkpoint(path).Read(kTreesPart, [&](StateReader* part) { VisitMap(part, "trees", &trees); });
+  return trees;
+}
+
+void Experiment::KeepTree(const Decision& decision) {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  if (tree_.faulty()) {
+    throw Failure(ExitCode::kInternal, "planner '" + spec_.planner.name() +
+                                           "' reported an edge before its parent, or memory "
+                                           "ran out");
+  }
+  if (tree_.edges().empty()) return;
+  nlohmann::json json =
+      TreeJson(tree_, agent_->action(), decision, agent_->metrics(), components_.planner().metrics);
+  json["env_step"] = at_.env_step;
+  trees_[episode_.t] = results::JsonText(json);
+}
+
+void Experiment::SaveTrees(CheckpointWriter* file) const {
+  file->Part(kTreesPart, [&](StateWriter* part) {
+    Trees trees = trees_;
+    VisitMap(part, "trees", &trees);
+  });
+}
+
+void Experiment::WriteCheckpoint(bool with_replay) {
+  const ActivityScope scope(&clock_, Activity::kRecording);
+  // The rows before the checkpoint first: a resume relies on them.
+  writer_->SetProgress(Signed(at_.env_step));
+  writer_->Commit();
+  const std::uint64_t before = at_.checkpoint_env_step;
+  at_.checkpoint_env_step = at_.env_step;
+  at_.events = static_cast<std::uint64_t>(writer_->events());
+  const WrittenFile written = CheckpointFolder(folder_).Write(
+      at_.env_step,
+      [&](CheckpointWriter* checkpoint) {
+        Save(checkpoint, with_replay);
+        AddRowSums(*writer_, checkpoint);
+      },
+      before);
+  AddArtifact(written, "checkpoint");
+  writer_->Commit();
+}
+
+void Experiment::AddArtifact(const WrittenFile& file, const std::string& kind) {
+  writer_->AddArtifact(file.path.string(), kind, Signed(at_.env_step), Signed(file.bytes),
+                       file.sha256);
+}
+
+void Experiment::DumpDivergence(const std::string& message) {
+  writer_->AddEvent(Signed(at_.env_step), "error", "divergence", message);
+  try {
+    AddArtifact(
+        WriteCheckpointFile(folder_ / ("divergence-" + std::to_string(at_.env_step) + ".ckpt"),
+                            [&](CheckpointWriter* checkpoint) { Save(checkpoint, true); }),
+        "divergence");
+  } catch (const Failure& error) {
+    writer_->AddEvent(Signed(at_.env_step), "warning", "no_state_dump", error.what());
+  }
+  writer_->Commit();
+}
+
+void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
+  checkpoint->Value(kHeaderPart, options_.header);
+  checkpoint->Part(kPositionPart, [&](StateWriter* part) {
+    Position(at_).Fields(part);
+    part->Array("activity_seconds", const_cast<ActivityClock&>(clock_).Totals().data(),
+                kActivities);
+    (*part)("burst_metrics", &burst_metrics_);
+  });
+  SaveModel(*model_, spec_.model.name(), checkpoint);
+  if (with_replay) {
+    checkpoint->Part(kReplayPart, [&](StateWriter* part) { replay_.Save(part); });
+  }
+  if (at_.stage == Stage::kEpisode) {
+    checkpoint->Part(kEpisodePart, [&](StateWriter* part) { SaveEpisode(part); });
+    SaveTrees(checkpoint);
+  }
+}
+
+void Experiment::SaveEpisode(StateWriter* part) const {
+  EpisodeState(episode_).Fields(part);
+  (*part)("observation", &observation_);
+  (*part)("action", &action_);
+  (*part)("actions", &episode_actions_);
+  (*part)("plan_us", &plan_us_);
+  (*part)("metric_sums", &episode_metrics_);
+  std::vector<std::byte> state(environment_->spec().state_bytes);
+  if (!state.empty()) {
+    ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
+                  "environment '" + spec_.environment.name() + "' SaveState");
+  }
+  (*part)("environment_state", &state);
+  agent_->Save(part);
+}
+
+void Experiment::Load(const Checkpoint& checkpoint) {
+  LoadModel(checkpoint, spec_.model.name(), model_.get());
+  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+    at_.Fields(part);
+    if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
+    ActivityClock::Seconds seconds{};
+    part->Array("activity_seconds", seconds.data(), kActivities);
+    clock_.set_totals(seconds);
+    part->Array("burst_metrics", burst_metrics_.data(), burst_metrics_.size());
+  });
+  if (checkpoint.Has(kReplayPart)) {
+    checkpoint.Read(kReplayPart, [&](StateReader* part) { replay_.Load(part); });
+  }
+  if (at_.stage != Stage::kEpisode) return;
+  checkpoint.Read(kTreesPart, [&](StateReader* part) { VisitMap(part, "trees", &trees_); });
+  checkpoint.Read(kEpisodePart, [&](StateReader* part) { LoadEpisode(part); });
+}
+
+void Experiment::LoadEpisode(StateReader* part) {
+  episode_.Fields(part);
+  part->Array("observation", observation_.data(), observation_.size());
+  part->Array("action", action_.data(), action_.size());
+  (*part)("actions", &episode_actions_);
+  if (episode_actions_.size() != episode_.t * action_.size()) {
+    part->Refuse("field 'actions': expected those of " + std::to_string(episode_.t) +
+                 " decisions, found " + std::to_string(episode_actions_.size()) + " numbers");
+  }
+  (*part)("plan_us", &plan_us_);
+  part->Array("metric_sums", episode_metrics_.data(), episode_metrics_.size());
+  std::vector<std::byte> state(environment_->spec().state_bytes);
+  part->Array("environment_state", state.data(), state.size());
+  if (!state.empty()) {
+    ThrowUnlessOk(environment_->RestoreState({state.data(), state.size()}),
+                  "environment '" + spec_.environment.name() + "' RestoreState");
+  } else {
+    // No saved state: live the episode again. The same seed and actions give the
+    // same bits.
+    const auto seed = static_cast<std::uint32_t>(
+        SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
+    std::vector<double> observation(observation_.size());
+    const View<double> view{observation.data(), observation.size()};
+    ThrowUnlessOk(environment_->Reset(seed, view),
+                  "environment '" + spec_.environment.name() + "' Reset");
+    for (std::uint64_t t = 0; t < episode_.t; ++t) {
+      HoldAction(environment_.get(), spec_.environment.name(),
+                 {episode_actions_.data() + t * action_.size(), action_.size()},
+                 spec_.action_repeat(), view);
+    }
+  }
+  agent_->Load(part);
+}
+
+results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {
+  Position position;
+  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+    position.Fields(part);
+    ActivityClock::Seconds seconds{};
+    part->Array("activity_seconds", seconds.data(), kActivities);
+    std::vector<double> burst_metrics;
+    (*part)("burst_metrics", &burst_metrics);
+  });
+  results::ResumePoint point;
+  point.env_step = Signed(position.env_step);
+  point.training_episodes = Signed(position.training_episodes);
+  point.search_evaluation_episodes = Signed(position.evaluation_episodes);
+  point.actor_evaluation_episodes = Signed(position.evaluation_episodes);
+  point.events = Signed(position.events);
+  return point;
+}
+
+}  // namespace dreamsearch

@@ -1,0 +1,86 @@
+// What became of a worker: status, exit code and sentence for every way to end.
+#include "host/processes/worker_end.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "results/system/error.h"
+
+namespace dreamsearch {
+namespace {
+
+constexpr int Exited(ExitCode code) { return static_cast<int>(code) << 8; }
+
+void ExpectEnd(const WorkerEnd& end, results::RunStatus status, ExitCode code,
+               const std::string& part) {
+  EXPECT_EQ(end.status, status) << end.error;
+  EXPECT_EQ(end.exit_code, static_cast<int>(code)) << end.error;
+  EXPECT_NE(end.error.find(part), std::string::npos) << end.error;
+}
+
+TEST(WorkerEnd, AnExitIsTakenByItsCode) {
+  WorkerCourse course;
+  course.log = "/runs/x/run.log";
+  course.error = "planner 'x' Plan: invalid";
+  using results::RunStatus;
+  ExpectEnd(EndOf(course, 0), RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "ended without finishing; a plugin called exit? Log: /runs/x/run.log");
+  course.done = true;
+  ExpectEnd(EndOf(course, 0), RunStatus::kFinished, ExitCode::kOk, "");
+  ExpectEnd(EndOf(course, Exited(ExitCode::kInterrupted)), RunStatus::kInterrupted,
+            ExitCode::kInterrupted, "");
+  ExpectEnd(EndOf(course, Exited(ExitCode::kDiverged)), RunStatus::kDiverged, ExitCode::kDiverged,
+            course.error);
+  ExpectEnd(EndOf(course, Exited(ExitCode::kInputOutput)), RunStatus::kFailed,
+            ExitCode::kInputOutput, course.error);
+  course.error.clear();
+  ExpectEnd(EndOf(course, Exited(ExitCode::kInternal)), RunStatus::kFailed, ExitCode::kInternal,
+            "exit status 70. Log: /runs/x/run.log");
+  course.asked = WorkerCourse::Asked::kTimeLimit;
+  course.time_limit_seconds = 60;
+  ExpectEnd(EndOf(course, Exited(ExitCode::kInterrupted)), RunStatus::kInterrupted,
+            ExitCode::kInterrupted, "time limit of 60 s reached");
+}
+
+TEST(WorkerEnd, ACrashNamesTheSignalTheStageAndTheLastLineOfTheLog) {
+  const std::string log = testing::TempDir() + "worker_end_test.log";
+  std::ofstream(log) << "first\nlast words\n\n";
+  WorkerCourse course;
+  course.log = log;
+  course.stage = RunStage::kLearning;
+  const WorkerEnd end = EndOf(course, SIGSEGV);
+  ExpectEnd(end, results::RunStatus::kCrashed, ExitCode::kPluginCrashed, "signal 11");
+  EXPECT_NE(end.error.find("learn: last words. Log: " + log), std::string::npos) << end.error;
+  std::filesystem::remove(log);
+}
+
+TEST(WorkerEnd, WhoWasKilledIsToldWhy) {
+  using results::RunStatus;
+  WorkerCourse course;
+  course.stage = RunStage::kInteracting;
+  course.patience_seconds = 60;
+  course.grace_seconds = 20;
+  course.time_limit_seconds = 600;
+  ExpectEnd(EndOf(course, SIGKILL), RunStatus::kKilled, ExitCode::kPluginCrashed,
+            "killed from outside");
+  course.killed = WorkerCourse::Killed::kHang;
+  ExpectEnd(EndOf(course, SIGKILL), RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "no sign of life for 60 s of processor time while it was to interact");
+  course.killed = WorkerCourse::Killed::kOverdue;
+  course.asked = WorkerCourse::Asked::kTimeLimit;
+  ExpectEnd(EndOf(course, SIGKILL), RunStatus::kKilled, ExitCode::kPluginCrashed,
+            "did not stop within 20 s of its time limit of 10 min");
+  course.asked = WorkerCourse::Asked::kStop;
+  ExpectEnd(EndOf(course, SIGKILL), RunStatus::kKilled, ExitCode::kPluginCrashed,
+            "of being asked to while it was to interact");
+  course.killed = WorkerCourse::Killed::kStop;
+  ExpectEnd(EndOf(course, SIGKILL), RunStatus::kInterrupted, ExitCode::kInterrupted,
+            "stopped at once");
+  // A stop signal ends a worker that has not yet learned to catch it.
+  ExpectEnd(EndOf(course, SIGTERM), RunStatus::kInterrupted, ExitCode::kInterrupted,
+            "before it could checkpoint");
+}
+
+}  // namespace
+}  // namespace dreamsearch
