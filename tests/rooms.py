@@ -10,7 +10,7 @@ import sys
 
 # From the lowest up. Host may include every room of results but its program.
 ROOMS = {
-    "results": ["system", "database", "analysis", "figures", "report", "program"],
+    "results": ["system", "command_line", "database", "analysis", "figures", "report", "program"],
     "host": ["plugins", "settings", "saving", "acting", "training", "processes", "commands", ""],
 }
 MOST_FILES = 20

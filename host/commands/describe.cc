@@ -12,6 +12,7 @@
 #include "host/settings/settings.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
+#include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,7 +1,6 @@
 #include "host/commands/text_table.h"
 
 #include <algorithm>
-#include <sstream>
 #include <utility>
 
 #include "results/system/text.h"
@@ -28,18 +27,6 @@ void TextTable::Print(std::ostream& out) const {
     text.erase(text.find_last_not_of(' ') + 1);
     out << text << '\n';
   }
-}
-
-std::string WrapText(const std::string& text, std::size_t width, std::size_t indent) {
-  std::istringstream words(text);
-  std::string wrapped, line;
-  for (std::string word; words >> word;) {
-    if (!line.empty() && indent + Width(line) + 1 + Width(word) > width) {
-      wrapped += std::string(indent, ' ') + std::exchange(line, {}) + '\n';
-    }
-    line += (line.empty() ? "" : " ") + word;
-  }
-  return wrapped + std::string(indent, ' ') + line;
 }
 
 }  // namespace dreamsearch

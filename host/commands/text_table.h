@@ -29,8 +29,4 @@ class TextTable {
   std::vector<Line> lines_;
 };
 
-// `text` broken at spaces into lines of at most `width` characters, each after
-// `indent` spaces, joined by newlines. A longer word has a line of its own.
-std::string WrapText(const std::string& text, std::size_t width, std::size_t indent);
-
 }  // namespace dreamsearch

@@ -70,19 +70,22 @@ std::string JoinNames(const std::vector<std::string>& names) {
   return joined;
 }
 
-std::string KnownNames(std::string_view wanted, const std::vector<std::string>& known) {
-  if (known.empty()) return "Known: none.";
-  std::vector<std::string> printable;
-  for (const std::string& name : known) printable.push_back(Printable(name));
-  std::string text = "Known: " + JoinNames(printable) + ".";
+std::string DidYouMean(std::string_view wanted, const std::vector<std::string>& known) {
   const std::vector<std::string> nearest = NearestNames(wanted, known);
-  if (nearest.empty()) return text;
-  text += " Did you mean ";
+  if (nearest.empty()) return "";
+  std::string text = " Did you mean ";
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     if (i > 0) text += i + 1 == nearest.size() ? " or " : ", ";
     text += Printable(nearest[i]);
   }
   return text + "?";
+}
+
+std::string KnownNames(std::string_view wanted, const std::vector<std::string>& known) {
+  if (known.empty()) return "Known: none.";
+  std::vector<std::string> printable;
+  for (const std::string& name : known) printable.push_back(Printable(name));
+  return "Known: " + JoinNames(printable) + "." + DidYouMean(wanted, known);
 }
 
 }  // namespace dreamsearch

@@ -18,6 +18,9 @@ std::vector<std::string> NearestNames(std::string_view wanted,
 // something is near; "Known: none." when nothing is.
 std::string KnownNames(std::string_view wanted, const std::vector<std::string>& known);
 
+// " Did you mean mcts_pw?", to follow a sentence; empty when nothing is near.
+std::string DidYouMean(std::string_view wanted, const std::vector<std::string>& known);
+
 // "one, two, three".
 std::string JoinNames(const std::vector<std::string>& names);
 

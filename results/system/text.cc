@@ -4,17 +4,15 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
+#include <utility>
 
 namespace dreamsearch {
-namespace {
-
-std::string Printf(const char* format, double value) {
+std::string FormatNumber(const char* format, double value) {
   char buffer[64];
   std::snprintf(buffer, sizeof buffer, format, value);
   return buffer;
 }
-
-}  // namespace
 
 std::string ExactText(double value) {
   char text[40];
@@ -57,6 +55,18 @@ std::size_t Width(const std::string& text) {
   }));
 }
 
+std::string WrapText(const std::string& text, std::size_t width, std::size_t indent) {
+  std::istringstream words(text);
+  std::string wrapped, line;
+  for (std::string word; words >> word;) {
+    if (!line.empty() && indent + Width(line) + 1 + Width(word) > width) {
+      wrapped += std::string(indent, ' ') + std::exchange(line, {}) + '\n';
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return wrapped + std::string(indent, ' ') + line;
+}
+
 std::string GroupDigits(std::int64_t number) {
   std::string digits = std::to_string(number);
   for (auto i = static_cast<std::int64_t>(digits.size()) - 3; i > (number < 0 ? 1 : 0); i -= 3) {
@@ -81,10 +91,10 @@ std::string FormatDuration(double seconds) {
 }
 
 std::string FormatBytes(double bytes) {
-  if (bytes < 1000) return Printf("%.0f B", bytes);
-  if (bytes < 1e6) return Printf("%.1f kB", bytes / 1e3);
-  if (bytes < 1e9) return Printf("%.1f MB", bytes / 1e6);
-  return Printf("%.1f GB", bytes / 1e9);
+  if (bytes < 1000) return FormatNumber("%.0f B", bytes);
+  if (bytes < 1e6) return FormatNumber("%.1f kB", bytes / 1e3);
+  if (bytes < 1e9) return FormatNumber("%.1f MB", bytes / 1e6);
+  return FormatNumber("%.1f GB", bytes / 1e9);
 }
 
 }  // namespace dreamsearch

@@ -9,12 +9,18 @@ namespace dreamsearch {
 
 // The shortest decimal text that reads back as the same number.
 std::string ExactText(double value);
+// A number in printf's format: ("%.1f", 2.25) is "2.2".
+std::string FormatNumber(const char* format, double value);
 // A field of a CSV file, quoted where RFC 4180 asks for it.
 std::string CsvField(const std::string& text);
 // Control characters as \n, \t or \x1b, so that a name cannot steer a terminal.
 std::string Printable(const std::string& text);
 // Characters of UTF-8.
 std::size_t Width(const std::string& text);
+
+// `text` broken at spaces into lines of at most `width` characters, each after
+// `indent` spaces, joined by newlines. A longer word has a line of its own.
+std::string WrapText(const std::string& text, std::size_t width, std::size_t indent);
 
 // "1,234,567".
 std::string GroupDigits(std::int64_t number);

@@ -1,0 +1,113 @@
+#include "results/command_line/program.h"
+
+#include <exception>
+#include <iostream>
+#include <utility>
+
+#include "results/command_line/help.h"
+#include "results/system/error.h"
+#include "results/system/names.h"
+#include "results/system/text.h"
+
+namespace dreamsearch {
+namespace {
+
+std::string ExitStatusHelp() {
+  const std::pair<ExitCode, const char*> meanings[] = {
+      {ExitCode::kOk, "everything was done"},
+      {ExitCode::kUsage, "the command line is wrong"},
+      {ExitCode::kBadInput, "a configuration file, a database or another input is wrong"},
+      {ExitCode::kNotFound, "a file, run, component or plugin was not found"},
+      {ExitCode::kPluginRefused, "a plugin was found and cannot be used"},
+      {ExitCode::kInternal, "a defect of this program"},
+      {ExitCode::kPluginCrashed, "a plugin crashed or took too long"},
+      {ExitCode::kDiverged, "a run diverged"},
+      {ExitCode::kCannotCreate, "an output cannot be created"},
+      {ExitCode::kInputOutput, "reading or writing failed, or the disk is full"},
+      {ExitCode::kInterrupted, "stopped; the same command resumes"},
+      {ExitCode::kPermission, "no permission"},
+      {ExitCode::kVerificationFailed, "stored and recomputed results differ"}};
+  std::vector<std::pair<std::string, std::string>> rows;
+  for (const auto& [code, meaning] : meanings) {
+    rows.emplace_back(std::to_string(static_cast<int>(code)), meaning);
+  }
+  return TwoColumns("Exit status", rows);
+}
+
+// Whether one of the words asks for it; what follows `--` asks for nothing.
+bool Asks(const Words& words, const std::string& flag) {
+  for (const std::string& word : words) {
+    if (word == "--") return false;
+    if (word == flag) return true;
+  }
+  return false;
+}
+
+int RunCommand(const Program& program, const Command& command, const std::string& help,
+               const Words& words) {
+  if (Asks(words, "--help") || Asks(words, "-h")) {
+    std::cout << help;
+    return static_cast<int>(ExitCode::kOk);
+  }
+  if (Asks(words, "--version")) {
+    std::cout << program.version << "\n";
+    return static_cast<int>(ExitCode::kOk);
+  }
+  return command.Call(words);
+}
+
+}  // namespace
+
+std::string ProgramHelp(const Program& program) {
+  std::vector<std::pair<std::string, std::string>> rows;
+  for (const Command& command : program.commands) {
+    rows.emplace_back(command.name(), command.spec.summary);
+  }
+  rows.emplace_back("COMMAND --help", "says more about a command");
+  return HelpText(program.root.spec) + TwoColumns("Commands", rows) + ExitStatusHelp();
+}
+
+int RunProgram(const Program& program, const Words& words) {
+  if (words.empty() && !program.root.run) {
+    std::cout << ProgramHelp(program);
+    return static_cast<int>(ExitCode::kUsage);
+  }
+  if (words.empty() || words[0].starts_with("-")) {
+    return RunCommand(program, program.root, ProgramHelp(program), words);
+  }
+  const Words rest(words.begin() + 1, words.end());
+  if (const auto own = program.internal.find(words[0]); own != program.internal.end()) {
+    return own->second(rest);
+  }
+  if (words[0] == "help") {
+    std::cout << ProgramHelp(program);
+    return static_cast<int>(ExitCode::kOk);
+  }
+  std::vector<std::string> known;
+  for (const Command& command : program.commands) {
+    if (words[0] == command.name()) {
+      return RunCommand(program, command, HelpText(command.spec), rest);
+    }
+    known.push_back(command.name());
+  }
+  throw Failure(ExitCode::kUsage, program.root.spec.name + ": no command '" + Printable(words[0]) +
+                                      "'. " + KnownNames(words[0], known));
+}
+
+int ExitStatusOf(const std::string& program, const std::function<int()>& work) {
+  try {
+    const int status = work();
+    std::cout.flush();
+    if (std::cout) return status;
+    std::cerr << "error: standard output could not be written" << std::endl;
+    return static_cast<int>(ExitCode::kInputOutput);
+  } catch (const Failure& error) {
+    std::cerr << "error: " << error.what() << std::endl;
+    return error.exit_status();
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << " (a defect of " << program << ")" << std::endl;
+    return static_cast<int>(ExitCode::kInternal);
+  }
+}
+
+}  // namespace dreamsearch
