@@ -115,13 +115,6 @@ void ReadPublished(Connection& db, const CurveRequest& request, const std::set<s
 
 }  // namespace
 
-CurveAxis ParseCurveAxis(const std::string& name) {
-  if (name == "steps") return CurveAxis::kSteps;
-  if (name == "seconds") return CurveAxis::kSeconds;
-  if (name == "transitions") return CurveAxis::kTransitions;
-  throw Failure(ExitCode::kUsage, "no axis '" + name + "'. Known: steps, seconds, transitions");
-}
-
 int Line::n() const {
   return static_cast<int>(
       std::count_if(runs.begin(), runs.end(), [](const RunCurve& run) { return !run.x.empty(); }));

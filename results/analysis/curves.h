@@ -13,7 +13,6 @@
 namespace dreamsearch::results {
 
 enum class CurveAxis { kSteps, kSeconds, kTransitions };
-CurveAxis ParseCurveAxis(const std::string& name);  // Failure 2 for an unknown name
 
 struct CurveRequest {
   RunFilter filter;

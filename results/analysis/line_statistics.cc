@@ -147,15 +147,6 @@ LineCurve CurveOf(const Line& line) {
   return curve;
 }
 
-CurveInterval ParseCurveInterval(const std::string& name) {
-  if (name == "minmax") return CurveInterval::kMinMax;
-  if (name == "t95") return CurveInterval::kT95;
-  if (name == "none") return CurveInterval::kNone;
-  throw Failure(ExitCode::kUsage, "no interval '" + name +
-                                      "'. Known: minmax (minimum to maximum over seeds), t95 (95 % "
-                                      "confidence of the mean, Student's t), none");
-}
-
 std::optional<Interval> IntervalOf(const LinePoint& point, CurveInterval interval) {
   if (point.n < kIntervalRuns || interval == CurveInterval::kNone) return std::nullopt;
   if (interval == CurveInterval::kT95) return StudentInterval(point);

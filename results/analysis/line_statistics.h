@@ -38,7 +38,6 @@ LineCurve CurveOf(const Line& line);
 
 // What is drawn round the mean of kIntervalRuns runs or more. Fewer get points instead.
 enum class CurveInterval { kMinMax, kT95, kNone };
-CurveInterval ParseCurveInterval(const std::string& name);  // Failure 2 for an unknown name
 // nullopt for fewer runs, and for kNone.
 std::optional<Interval> IntervalOf(const LinePoint& point, CurveInterval interval);
 

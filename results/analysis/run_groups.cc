@@ -73,17 +73,6 @@ std::string SettingLabel(const nlohmann::json& settings, const std::set<std::str
 
 }  // namespace
 
-CurvePhase ParseCurvePhase(const std::string& name) {
-  if (name == "evaluation") return CurvePhase::kEvaluation;
-  if (name == "training" || name == "0") return CurvePhase::kTraining;
-  if (name == "search" || name == "1") return CurvePhase::kSearchEvaluation;
-  if (name == "actor" || name == "2") return CurvePhase::kActorEvaluation;
-  throw Failure(ExitCode::kUsage,
-                "no phase '" + name +
-                    "'. Known: evaluation (search where there is one, else actor), "
-                    "training (0), search (1), actor (2)");
-}
-
 std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) {
   // Configurations are told apart by content, so that databases agree on them.
   using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluation

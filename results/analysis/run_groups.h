@@ -12,7 +12,6 @@ namespace dreamsearch::results {
 // Which episodes a curve or score is of. kEvaluation is the evaluation with the
 // planner where a run has one, else that with the actor alone.
 enum class CurvePhase { kEvaluation, kTraining, kSearchEvaluation, kActorEvaluation };
-CurvePhase ParseCurvePhase(const std::string& name);  // Failure 2 for an unknown name
 
 struct GroupedRun {
   RunInfo run;

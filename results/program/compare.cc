@@ -1,10 +1,10 @@
-// results compare - statistics over tasks and seeds.
+// results compare - which planner is better over tasks and seeds, and how sure is that?
 #include <iostream>
 
 #include "results/analysis/comparison.h"
 #include "results/figures/comparison_figure.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/text.h"
@@ -52,53 +52,45 @@ std::string Csv(const Comparison& comparison) {
   return table.Print(TableForm::kCsv);
 }
 
-}  // namespace
-
-int CompareCommand(const Words& words) {
-  Arguments arguments(
-      "compare", "[options]",
-      "Compares planners on the tasks that all of them have: mean, median, interquartile mean,\n"
-      "optimality gap and probability of improvement on normalised scores, with 95 % intervals of\n"
-      "a stratified bootstrap (Agarwal et al. 2021).");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  namespace po = boost::program_options;
-  arguments.Add()("phase", po::value<std::string>()->default_value("evaluation"),
-                  "evaluation, training (0), search (1) or actor (2)")(
-      "at", po::value<std::string>()->default_value("0"),
-      "score at so many environment steps; 0: at the end of each run's budget")(
-      "bootstrap-seed", po::value<std::string>()->default_value("0"),
-      "equal seeds give equal intervals, to the byte")(
-      "repetitions", po::value<std::string>()->default_value(std::to_string(kBootstrapRepetitions)),
-      "of the bootstrap")("format", po::value<std::string>()->default_value("text"),
-                          "text, markdown, csv (the single scores) or json")(
-      "figure", po::value<std::string>()->default_value("intervals"),
-      "for --out FILE.svg, .png, .pdf: intervals, profiles, improvement or efficiency")(
-      "out", po::value<std::vector<std::string>>()->value_name("FILE"),
-      "picture (.svg, .png, .pdf) or tables (.txt, .md, .csv, .json); several times");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-
-  const Selection selection = arguments.GetSelection();
+struct CompareRuns {
+  Selection selection;
   ComparisonRequest request;
-  request.filter = selection.filter;
-  request.phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
-  request.at = ParseNumber(arguments.Get<std::string>("at"), "--at", 0);
-  request.seed = static_cast<std::uint64_t>(
-      ParseNumber(arguments.Get<std::string>("bootstrap-seed"), "--bootstrap-seed", 0));
-  const std::int64_t repetitions =
-      ParseNumber(arguments.Get<std::string>("repetitions"), "--repetitions", 100);
-  if (repetitions > 10000000) {
-    throw Failure(ExitCode::kUsage,
-                  "--repetitions: expected at most 10000000, found " + std::to_string(repetitions));
-  }
-  request.repetitions = static_cast<int>(repetitions);
-  const TableForm form = ParseTableForm(arguments.Get<std::string>("format"));
-  const std::string kind = arguments.Get<std::string>("figure");
-  if (kind != "intervals" && kind != "profiles" && kind != "improvement" && kind != "efficiency") {
-    throw Failure(ExitCode::kUsage,
-                  "no figure '" + kind + "'. Known: intervals, profiles, improvement, efficiency");
-  }
+  TableForm form = TableForm::kText;
+  std::string figure = "intervals";
+  std::vector<std::string> outs;
 
+  CommandSpec Declare() {
+    return {
+        .name = "results compare",
+        .summary = "compares planners over tasks and seeds, with 95 % intervals",
+        .examples = {"results compare", "results compare --at 60000 --out intervals.svg"},
+        .about =
+            "Compares the planners on the tasks that all of them have: mean, median, "
+            "interquartile mean, optimality gap and probability of improvement of normalised "
+            "scores, with intervals of a stratified bootstrap (Agarwal et al. 2021).",
+        .groups = {
+            SelectionFlags(&selection),
+            {"What to compare",
+             {{"phase", "PHASE", OneOf(&request.phase, PhaseChoices()), "which episodes"},
+              {"at", "N", Whole(&request.at, 0).Default("0, the end of each run's budget"),
+               "take the score at this many environment steps"},
+              BootstrapSeedFlag(&request.seed),
+              {"repetitions", "N", Whole(&request.repetitions, 100, 10000000),
+               "repetitions of the bootstrap"}}},
+            {"How",
+             {FormFlag(&form),
+              {"figure", "FIGURE",
+               OneOf(&figure, {"intervals", "profiles", "improvement", "efficiency"}),
+               "what a picture shows"},
+              {"out", "FILE", Texts(&outs),
+               "write a picture (.svg, .png, .pdf) or the tables (.txt, .md, .csv, .json); csv has "
+               "the score of each run"}}}}};
+  }
+  int Run();
+};
+
+int CompareRuns::Run() {
+  request.filter = selection.filter;
   const auto databases = OpenSelected(selection);
   const Comparison comparison = Compare(databases, request);
   const auto document = [&](TableForm wanted) {
@@ -106,18 +98,18 @@ int CompareCommand(const Words& words) {
     if (wanted == TableForm::kCsv) return Csv(comparison);
     return Document(comparison, request, wanted);
   };
-  if (!arguments.Has("out")) {
+  if (outs.empty()) {
     std::cout << document(form);
     return static_cast<int>(ExitCode::kOk);
   }
-  for (const std::string& out : arguments.Get<std::vector<std::string>>("out")) {
-    if (IsTablePath(out)) {
-      WriteFile(out, document(FormOfTablePath(out)));
+  for (const std::string& out : outs) {
+    if (const std::optional<TableForm> table = FormOfTablePath(out)) {
+      WriteFile(out, document(*table));
     } else {
-      Draw(kind == "intervals"     ? IntervalFigure(comparison)
-           : kind == "profiles"    ? ProfileFigure(comparison)
-           : kind == "improvement" ? ImprovementFigure(comparison)
-                                   : EfficiencyFigure(ComputeEfficiency(databases, request)),
+      Draw(figure == "intervals"     ? IntervalFigure(comparison)
+           : figure == "profiles"    ? ProfileFigure(comparison)
+           : figure == "improvement" ? ImprovementFigure(comparison)
+                                     : EfficiencyFigure(ComputeEfficiency(databases, request)),
            out);
     }
     std::cerr << "wrote " << AbsolutePath(out) << "\n";
@@ -125,5 +117,9 @@ int CompareCommand(const Words& words) {
   for (const std::string& note : comparison.notes) std::cerr << "note: " << Printable(note) << "\n";
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command CompareCommand() { return MakeCommand<CompareRuns>(); }
 
 }  // namespace dreamsearch::results

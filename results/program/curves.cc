@@ -1,9 +1,9 @@
-// results curves - learning curves as pictures and tables.
+// results curves - how do returns grow with steps, seconds or model transitions?
 #include <iostream>
 
 #include "results/figures/curve_figure.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/text.h"
@@ -11,63 +11,72 @@
 namespace dreamsearch::results {
 namespace {
 
-constexpr std::int64_t kMostSmooth = 999;
+constexpr std::uint64_t kMostSmooth = 999;
 
-}  // namespace
+int ParseSmooth(const std::string& text) {
+  const std::uint64_t points = ParseWhole(text, 1, kMostSmooth);
+  if (points % 2 == 0) {
+    throw std::invalid_argument("expected an odd number, for as many points on either side");
+  }
+  return static_cast<int>(points);
+}
 
-int CurvesCommand(const Words& words) {
-  Arguments arguments(
-      "curves", "[options]",
-      "Draws learning curves: a panel a task, a line a planner, the mean over seeds against\n"
-      "environment steps. Evaluations are those with the planner where a run has them, else those\n"
-      "with the actor alone; the legend says which, and how many seeds.");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  namespace po = boost::program_options;
-  arguments.Add()("out", po::value<std::vector<std::string>>()->value_name("FILE"),
-                  "picture (.svg, .png, .pdf) or table of its numbers (.csv, .json, .md, .txt); "
-                  "may be given several times (default: curves.svg)")(
-      "kind", po::value<std::string>()->default_value("tasks"),
-      "tasks: a panel a task; mean: the mean over tasks; time: seconds by planner and activity")(
-      "phase", po::value<std::string>()->default_value("evaluation"),
-      "evaluation, training (0), search (1) or actor (2)")(
-      "x", po::value<std::string>()->default_value("steps"), "steps, seconds or transitions")(
-      "interval", po::value<std::string>()->default_value("minmax"),
-      "round the mean of 3 seeds or more: minmax, t95 (95 %, Student's t) or none")(
-      "smooth", po::value<std::string>()->default_value("1"),
-      "centred moving mean of so many points, an odd number, said on the axis; 1: none")(
-      "log-x", "a logarithmic x axis")(
-      "published", po::value<std::vector<std::string>>()->value_name("LIST"),
-      "imported curves to draw beside: methods, as METHOD or METHOD/OBS, or all; the x axis "
-      "ends with our runs, with --log-x it has all of them")(
-      "title", po::value<std::string>()->default_value(""), "a title");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  std::vector<std::string> outs = {"curves.svg"};
-  if (arguments.Has("out")) outs = arguments.Get<std::vector<std::string>>("out");
-
-  const Selection selection = arguments.GetSelection();
+struct Curves {
+  Selection selection;
   CurveRequest request;
+  CurveInterval interval = CurveInterval::kMinMax;
+  std::string kind = "tasks", title;
+  std::vector<std::string> outs;
+
+  CommandSpec Declare() {
+    return {
+        .name = "results curves",
+        .summary = "draws learning curves as pictures and writes their numbers as tables",
+        .examples =
+            {"results curves --out curves.svg",
+             "results curves --env walker_walk --smooth 5 --out walker.png --out walker.csv"},
+        .about =
+            "A panel shows a task, a line shows the mean over a planner's seeds against "
+            "environment steps. Where a run was evaluated with search, the line shows those "
+            "evaluations, otherwise those with the actor alone; the legend says which, and "
+            "how many seeds there are.",
+        .groups = {
+            SelectionFlags(&selection),
+            {"What to draw",
+             {{"kind", "KIND", OneOf(&kind, {"tasks", "mean", "time"}),
+               "a panel for each task, the mean over tasks, or the seconds by planner and "
+               "activity"},
+              {"phase", "PHASE", OneOf(&request.phase, PhaseChoices()), "which episodes"},
+              {"x", "AXIS",
+               OneOf(&request.axis, Choices<CurveAxis>{{"steps", CurveAxis::kSteps},
+                                                       {"seconds", CurveAxis::kSeconds},
+                                                       {"transitions", CurveAxis::kTransitions}}),
+               "the x axis"},
+              {"log-x", "", Switch(&request.log_x), "make the x axis logarithmic"},
+              {"interval", "INTERVAL",
+               OneOf(&interval, Choices<CurveInterval>{{"minmax", CurveInterval::kMinMax},
+                                                       {"t95", CurveInterval::kT95},
+                                                       {"none", CurveInterval::kNone}}),
+               "what to draw round the mean of 3 seeds or more; t95 is the 95 % interval of "
+               "Student's t"},
+              {"smooth", "N", Parsed(&request.smooth, ParseSmooth).Default("1"),
+               "draw the centred moving mean of N points, an odd number; the axis says so"},
+              PublishedFlag(&request.published),
+              {"title", "TEXT", Text(&title), "the picture's title"}}},
+            {"Where to",
+             {{"out", "FILE", Texts(&outs).Default("curves.svg"),
+               "write a picture (.svg, .png, .pdf) or the numbers (.csv, .json, .md, .txt)"}}}}};
+  }
+  int Run();
+};
+
+int Curves::Run() {
   request.filter = selection.filter;
-  request.phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
-  request.axis = ParseCurveAxis(arguments.Get<std::string>("x"));
-  request.log_x = arguments.Has("log-x");
-  const std::int64_t smooth = ParseNumber(arguments.Get<std::string>("smooth"), "--smooth", 1);
-  if (smooth % 2 == 0 || smooth > kMostSmooth) {
-    throw Failure(ExitCode::kUsage, "--smooth: expected an odd number of points from 1 to " +
-                                        std::to_string(kMostSmooth) +
-                                        ", as many on either side of each, found " +
-                                        std::to_string(smooth));
-  }
-  request.smooth = static_cast<int>(smooth);
-  request.published = arguments.List("published");
-  const CurveInterval interval = ParseCurveInterval(arguments.Get<std::string>("interval"));
-  const std::string kind = arguments.Get<std::string>("kind");
-  if (kind != "tasks" && kind != "mean" && kind != "time") {
-    throw Failure(ExitCode::kUsage, "no kind '" + kind + "'. Known: tasks, mean, time");
-  }
+  if (outs.empty()) outs = {"curves.svg"};
   if (!request.published.empty() && request.axis != CurveAxis::kSteps) {
     throw Failure(ExitCode::kUsage,
-                  "--published curves are known by environment steps only; use --x steps");
+                  "results curves: --published: expected --x steps, because published curves are "
+                  "known by environment steps only");
   }
 
   const auto databases = OpenSelected(selection);
@@ -80,13 +89,13 @@ int CurvesCommand(const Words& words) {
   Figure figure = kind == "tasks"  ? CurvesByTask(lines, request, interval)
                   : kind == "mean" ? CurvesOverTasks(lines, request)
                                    : TimeByPlanner(time);
-  figure.title = arguments.Get<std::string>("title");
+  figure.title = title;
   for (const std::string& out : outs) {
-    if (IsTablePath(out)) {
+    if (FormOfTablePath(out)) {
       PrintTable(kind == "tasks"  ? CurveTable(lines)
                  : kind == "mean" ? OverTasksTable(lines)
                                   : TimeTable(time),
-                 "text", out);
+                 TableForm::kText, out);
       continue;
     }
     Draw(figure, out);
@@ -96,5 +105,9 @@ int CurvesCommand(const Words& words) {
     std::cerr << "note: " << Printable(gap) << "\n";
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command CurvesCommand() { return MakeCommand<Curves>(); }
 
 }  // namespace dreamsearch::results

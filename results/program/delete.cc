@@ -1,10 +1,10 @@
-// results delete - deletes runs and all they recorded.
+// results delete - how do runs that nobody needs go?
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/text.h"
 
@@ -15,39 +15,55 @@ bool IsUuid(const std::string& text) {
   return text.size() == 36 && text.find_first_not_of("0123456789abcdef-") == std::string::npos;
 }
 
-}  // namespace
+struct Delete {
+  std::vector<std::string> names;
+  Selection selection;
+  std::string db = kDefaultDatabase;
+  bool yes = false, files = false;
 
-int DeleteCommand(const Words& words) {
-  Arguments arguments(
-      "delete", "[RUN...] [options]",
-      "Deletes runs, named or chosen by --study, --env, --planner, --seed and --status, with all\n"
-      "they recorded and the evaluations of them. Without --yes it only says what it would "
-      "delete.");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  namespace po = boost::program_options;
-  arguments.Add()("status", po::value<std::vector<std::string>>()->value_name("LIST"),
-                  "only runs of these statuses")("yes", "do it")(
-      "files", "delete the runs' checkpoints and logs as well");
-  arguments.AddPositional("run", true);
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
+  CommandSpec Declare() {
+    std::vector<Flag> which = FilterFlags(&selection.filter);
+    which.push_back(StatusFlag(&selection.filter));
+    return {
+        .name = "results delete",
+        .summary = "deletes runs and everything they recorded",
+        .usage = {"results delete RUN... [flags]",
+                  "results delete --study LIST [--env LIST ...] [flags]"},
+        .examples = {"results delete 3 4 --yes", "results delete --status failed,crashed"},
+        .about =
+            "Deleting a run also deletes its evaluations. Without --yes the command only says what "
+            "it "
+            "would delete.",
+        .arguments = {{"", "RUN", Texts(&names),
+                       "the run's number or the beginning of its UUID, from `results list`"}},
+        .groups = {
+            {"Where", {DatabaseFlag(&db)}},
+            {"Which runs", std::move(which)},
+            {"What to do",
+             {{"yes", "", Switch(&yes), "delete"},
+              {"files", "", Switch(&files), "delete the runs' checkpoints and logs as well"}}}}};
+  }
+  int Run();
+};
+
+int Delete::Run() {
   const RunFilter& filter = selection.filter;
   const bool chosen = !filter.studies.empty() || !filter.tasks.empty() ||
                       !filter.planners.empty() || !filter.seeds.empty() || !filter.statuses.empty();
-  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "delete: expected one --db");
-  if (arguments.Has("run") == chosen) {
+  if (names.empty() != chosen) {
     throw Failure(ExitCode::kUsage,
-                  "delete: expected either runs or a choice by --study, --env, --planner, "
-                  "--seed or --status");
+                  "results delete: expected either runs or a choice with --study, --env, "
+                  "--planner, --seed or --status, found " +
+                      std::string(chosen ? "both" : "neither"));
   }
+  selection.databases = {db};
   OpenSelected(selection);  // every name asked for must be there
-  const auto database = Database::OpenExisting(selection.databases.front());
+  const auto database = Database::OpenExisting(db);
   std::vector<RunInfo> runs;
   if (chosen) {
     runs = database->ListRuns(filter);
   } else {
-    for (const std::string& name : arguments.Get<std::vector<std::string>>("run")) {
+    for (const std::string& name : names) {
       runs.push_back(database->GetRun(name));
     }
   }
@@ -72,7 +88,6 @@ int DeleteCommand(const Words& words) {
                            : "") +
                       " is running; stop it first. Nothing was deleted.");
   }
-  const bool yes = arguments.Has("yes");
   for (const RunInfo& run : runs) {
     // It may have gone with a run it evaluates.
     if (yes && database->GetRun(run.run_id)) database->DeleteRun(run.run_id);
@@ -82,7 +97,7 @@ int DeleteCommand(const Words& words) {
               << "  " << RunStatusName(run.status);
     if (run.parent_run_id) std::cout << "  evaluation of run " << *run.parent_run_id;
     std::cout << "\n";
-    if (yes && arguments.Has("files") && IsUuid(run.uuid)) {
+    if (yes && files && IsUuid(run.uuid)) {
       std::error_code error;
       const std::string folder = database->RunFolder(run);
       if (folder == database->path() + ".files/" + run.uuid) {
@@ -95,10 +110,14 @@ int DeleteCommand(const Words& words) {
   }
   if (runs.size() > named) {
     std::cerr << runs.size() << " runs, " << runs.size() - named
-              << " of them evaluations that go with the run they are of\n";
+              << " of them evaluations of the others\n";
   }
-  if (!yes) std::cerr << "nothing was deleted; --yes deletes\n";
+  if (!yes) std::cerr << "nothing was deleted; repeat the command with --yes to delete\n";
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command DeleteCommand() { return MakeCommand<Delete>(); }
 
 }  // namespace dreamsearch::results

@@ -1,4 +1,4 @@
-// results export - rows for other programs.
+// results export - how do other programs get at the rows?
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -6,8 +6,8 @@
 
 #include "results/analysis/published.h"
 #include "results/database/query.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/names.h"
@@ -98,41 +98,45 @@ void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const Ru
   }
 }
 
-}  // namespace
-
-int ExportCommand(const Words& words) {
-  Arguments arguments(
-      "export", "[options]",
-      "Writes rows as CSV or JSON lines, or learning curves in the formats that Dreamer (one JSON\n"
-      "list) and TD-MPC2 (a folder with a CSV a task for each planner) publish their scores in.");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  namespace po = boost::program_options;
-  arguments.Add()("format", po::value<std::string>()->default_value("csv"),
-                  "csv, jsonl, dreamer or tdmpc2")(
-      "rows", po::value<std::string>()->default_value("episodes"),
-      "for csv and jsonl: curves, episodes, finals, runs, scalars, steps or times")(
-      "phase", po::value<std::string>()->value_name("PHASE"),
-      "evaluation, training (0), search (1) or actor (2); for dreamer and tdmpc2 and for rows of "
-      "curves, episodes and finals (default: evaluation; for rows all)")(
-      "out", po::value<std::string>()->default_value("")->value_name("FILE"),
-      "a file, for tdmpc2 a folder; otherwise standard output");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
-  const std::string format = arguments.Get<std::string>("format");
-  const std::string out = arguments.Get<std::string>("out");
-  const std::string rows = arguments.Get<std::string>("rows");
-  const auto query = Queries().find(rows);
-  if (query == Queries().end()) {
-    std::vector<std::string> known;
-    for (const auto& [name, sql] : Queries()) known.push_back(name);
-    throw Failure(ExitCode::kUsage, "no rows '" + rows + "'. " + KnownNames(rows, known));
-  }
+struct Export {
+  Selection selection;
+  std::string format = "csv", rows = "episodes", out;
   std::optional<CurvePhase> phase;
-  if (arguments.Has("phase")) phase = ParseCurvePhase(arguments.Get<std::string>("phase"));
+
+  CommandSpec Declare() {
+    std::vector<std::string> names;
+    for (const auto& [name, sql] : Queries()) names.push_back(name);
+    return {
+        .name = "results export",
+        .summary = "writes rows or learning curves for other programs",
+        .examples = {"results export --rows episodes --out episodes.csv",
+                     "results export --format tdmpc2 --out scores"},
+        .about =
+            "Writes rows as CSV or JSON lines, or learning curves in the formats that "
+            "Dreamer (one JSON list) and TD-MPC2 (a folder with a CSV of each task for each "
+            "planner) publish their scores in.",
+        .groups = {
+            SelectionFlags(&selection),
+            {"What to write",
+             {{"format", "FORMAT", OneOf(&format, {"csv", "jsonl", "dreamer", "tdmpc2"}),
+               "the format"},
+              {"rows", "ROWS", OneOf(&rows, names), "the rows of csv and jsonl"},
+              {"phase", "PHASE", OneOf(&phase, PhaseChoices()).Default("evaluation; for rows all"),
+               "which episodes; for dreamer and tdmpc2 and for the rows curves, episodes "
+               "and finals"}}},
+            {"Where to",
+             {{"out", "FILE", Text(&out).Default("standard output"),
+               "write to this file; for tdmpc2 to this folder"}}}}};
+  }
+  int Run();
+};
+
+int Export::Run() {
+  const auto query = Queries().find(rows);
   const bool as_rows = format == "csv" || format == "jsonl";
   if (as_rows && phase && !HasPhase(query->second)) {
-    throw Failure(ExitCode::kUsage, "--phase: rows of '" + rows + "' have no phase");
+    throw Failure(ExitCode::kUsage,
+                  "results export: --phase: rows of '" + rows + "' have no phase");
   }
   const auto databases = OpenSelected(selection);
   if (as_rows) {
@@ -150,11 +154,10 @@ int ExportCommand(const Words& words) {
     }
     return static_cast<int>(ExitCode::kOk);
   }
-  if (format != "tdmpc2") {
+  if (out.empty()) {
     throw Failure(ExitCode::kUsage,
-                  "no format '" + format + "'. Known: csv, jsonl, dreamer, tdmpc2");
+                  "results export: --format tdmpc2: expected --out FOLDER, found none");
   }
-  if (out.empty()) throw Failure(ExitCode::kUsage, "export --format tdmpc2: expected --out FOLDER");
   for (const Line& line : lines) {
     const std::filesystem::path folder = std::filesystem::path(out) / FileName(line.label);
     std::error_code error;
@@ -173,5 +176,9 @@ int ExportCommand(const Words& words) {
             << AbsolutePath(out) << "\n";
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command ExportCommand() { return MakeCommand<Export>(); }
 
 }  // namespace dreamsearch::results

@@ -1,10 +1,10 @@
-// results import - published curves, to be drawn beside ours.
+// results import - how do we compare with what others have published?
 #include <iostream>
 #include <set>
 
 #include "results/analysis/published.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/text.h"
@@ -33,52 +33,60 @@ std::string UnknownTasks(Database* database, const std::vector<PublishedPoint>& 
   return text;
 }
 
-}  // namespace
+struct Import {
+  std::vector<std::string> files;
+  std::string db = kDefaultDatabase;
+  ImportSettings settings;
 
-int ImportCommand(const Words& words) {
-  Arguments arguments(
-      "import", "FILE... [options]",
-      "Reads published learning curves into the table `published`. Three formats are known: a\n"
-      "CSV of scores (source, method, obs, task, env_steps, seed, return), Dreamer's JSON lists\n"
-      "({task, method, seed, xs, ys}) and TD-MPC2's CSV a task (step,reward,seed; the file's name\n"
-      "is the task and the folder's the method). `results curves --published` draws them.");
-  arguments.AddDatabase();
-  namespace po = boost::program_options;
-  const auto text = [] { return po::value<std::string>()->default_value("")->value_name("NAME"); };
-  arguments.Add()("format", text(), "scores, dreamer or tdmpc2; otherwise told by the content")(
-      "source", text(), "who published it, where the file does not say or to override it")(
-      "method", text(), "the method")("obs", text(), "state or pixels")("task", text(), "the task")(
-      "steps-per-unit", po::value<std::string>()->default_value("1")->value_name("N"),
-      "environment steps in one unit of the file's steps");
-  arguments.AddPositional("file", true);
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  if (!arguments.Has("file")) throw Failure(ExitCode::kUsage, "import: expected files, found none");
-  const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "import: expected one --db");
-  const ImportSettings settings = {
-      .format = arguments.Get<std::string>("format"),
-      .source = arguments.Get<std::string>("source"),
-      .method = arguments.Get<std::string>("method"),
-      .obs = arguments.Get<std::string>("obs"),
-      .task = arguments.Get<std::string>("task"),
-      .steps_per_unit =
-          ParseNumber(arguments.Get<std::string>("steps-per-unit"), "--steps-per-unit", 1)};
-  // All files are read before anything is written.
-  std::vector<std::pair<std::string, std::vector<PublishedPoint>>> files;
-  for (const std::string& file : arguments.Get<std::vector<std::string>>("file")) {
-    files.emplace_back(file, ParsePublished(file, ReadWholeFile(file), settings));
+  CommandSpec Declare() {
+    return {
+        .name = "results import",
+        .summary = "reads published learning curves, to be drawn beside ours",
+        .examples = {"results import scores.csv", "results curves --published all"},
+        .about =
+            "Reads the files into the table `published`. It knows three formats: a CSV of "
+            "scores (source, method, obs, task, env_steps, seed, return), Dreamer's JSON "
+            "lists ({task, method, seed, xs, ys}) and TD-MPC2's CSV of a task "
+            "(step,reward,seed; the file's name is the task, the folder's name the method).",
+        .arguments = {{"", "FILE", Texts(&files).Required(), "the files to read"}},
+        .groups = {
+            {"Where", {DatabaseFlag(&db)}},
+            {"What the files do not say",
+             {{"format", "FORMAT",
+               OneOf(&settings.format, {"scores", "dreamer", "tdmpc2"}).Default("by the content"),
+               "the format"},
+              {"source", "NAME", Text(&settings.source), "who published the curves"},
+              {"method", "NAME", Text(&settings.method), "the method"},
+              {"obs", "NAME", Text(&settings.obs), "what it observes, state or pixels"},
+              {"task", "NAME", Text(&settings.task), "the task"},
+              {"steps-per-unit", "N", Whole(&settings.steps_per_unit, 1),
+               "environment steps in one unit of the file's steps"}}}}};
   }
-  const auto database = Database::OpenOrCreate(selection.databases.front());
-  for (const auto& [file, points] : files) {
+  int Run();
+};
+
+int Import::Run() {
+  // All files are read before anything is written.
+  std::vector<std::pair<std::string, std::vector<PublishedPoint>>> parsed;
+  for (const std::string& file : files) {
+    parsed.emplace_back(file, ParsePublished(file, ReadWholeFile(file), settings));
+  }
+  const auto database = Database::OpenOrCreate(db);
+  for (const auto& [file, points] : parsed) {
     StorePublished(database.get(), points);
     const std::string unknown = UnknownTasks(database.get(), points);
     if (!unknown.empty()) {
-      std::cerr << "note: " << AbsolutePath(file) << ": no run here is of " << unknown << "\n";
+      std::cerr << "note: " << AbsolutePath(file) << ": this database has no run of " << unknown
+                << "\n";
     }
     std::cout << AbsolutePath(file) << ": " << GroupDigits(static_cast<std::int64_t>(points.size()))
               << " points\n";
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command ImportCommand() { return MakeCommand<Import>(); }
 
 }  // namespace dreamsearch::results

@@ -1,15 +1,14 @@
-// results list - runs, one line each.
+// results list - which runs are there, how far are they, and which are missing?
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <sstream>
 
 #include "results/analysis/run_groups.h"
 #include "results/database/query.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/text.h"
 
@@ -22,9 +21,7 @@ std::string Percent(const RunInfo& run) {
 }
 
 double FourDigits(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return std::strtod(text, nullptr);
+  return std::strtod(FormatNumber("%.4g", value).c_str(), nullptr);
 }
 
 // With long values, such as digests, cut short; `results show` has them whole.
@@ -64,33 +61,46 @@ Cell Seconds(Connection& db, std::int64_t run_id) {
   return {};
 }
 
-}  // namespace
+struct List {
+  Selection selection;
+  bool missing = false;
+  TableForm form = TableForm::kText;
+  std::string out;
 
-int ListCommand(const Words& words) {
-  Arguments arguments("list", "[options]",
-                      "Lists runs, one line each, oldest first. `settings` are those in which a\n"
-                      "planner's runs of a task differ.");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  namespace po = boost::program_options;
-  arguments.Add()("status", po::value<std::vector<std::string>>()->value_name("LIST"),
-                  "only these: queued, running, finished, interrupted, failed, crashed, diverged, "
-                  "killed")(
-      "missing", "what each study lacks: every task, planner and seed that occurs in it")(
-      "format", po::value<std::string>()->default_value("text"), "text, markdown, csv or json")(
-      "out", po::value<std::string>()->default_value(""), "a file (.txt, .md, .csv, .json)");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
+  CommandSpec Declare() {
+    FlagGroup which = SelectionFlags(&selection);
+    which.flags.push_back(StatusFlag(&selection.filter));
+    which.flags.push_back(
+        {"missing", "", Switch(&missing),
+         "list what each study lacks: every combination of its tasks, planners and seeds that "
+         "has no run"});
+    return {.name = "results list",
+            .summary = "lists runs, one line each, oldest first",
+            .examples = {"results list --study first --status failed,crashed"},
+            .about =
+                "The column `settings` shows the settings in which a planner's runs of a task "
+                "differ.",
+            .groups = {std::move(which),
+                       {"How",
+                        {FormFlag(&form),
+                         {"out", "FILE", Text(&out),
+                          "write the table to this file (.txt, .md, .csv, .json)"}}}}};
+  }
+  int Run();
+};
+
+int List::Run() {
   const RunFilter& filter = selection.filter;
-  if (arguments.Has("missing") && !filter.statuses.empty()) {
+  if (missing && !filter.statuses.empty()) {
     throw Failure(ExitCode::kUsage,
-                  "list: what is --missing has no --status; expected one of the two");
+                  "results list: expected --missing or --status, found both; a run that is "
+                  "missing has no status");
   }
   const auto databases = OpenSelected(selection);
   const bool several = databases.size() > 1;
 
   Table table;
-  if (arguments.Has("missing")) {
+  if (missing) {
     table.columns = {"study", "task", "planner", "model", "seed"};
     for (const auto& database : databases) {
       Statement rows = database->connection().Prepare(
@@ -131,11 +141,15 @@ int ListCommand(const Words& words) {
       }
     }
   }
-  PrintTable(table, arguments.Get<std::string>("format"), arguments.Get<std::string>("out"));
+  PrintTable(table, form, out);
   if (table.rows.empty()) {
-    std::cerr << (arguments.Has("missing") ? "nothing is missing\n" : "no runs\n");
+    std::cerr << (missing ? "nothing is missing\n" : "no runs\n");
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command ListCommand() { return MakeCommand<List>(); }
 
 }  // namespace dreamsearch::results

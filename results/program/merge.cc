@@ -1,33 +1,40 @@
-// results merge - the runs of several databases in one.
+// results merge - how do the runs of several machines come into one database?
 #include "results/database/merge.h"
 
 #include <iostream>
 
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {
 
-int MergeCommand(const Words& words) {
-  Arguments arguments(
-      "merge", "--db TARGET SOURCE... [options]",
-      "Adds the runs of the sources to the target, which is made if it is not there. A run that\n"
-      "both have stays as the one that got further; the order of merging makes no difference.");
-  arguments.AddDatabase();
-  arguments.AddPositional("source", true);
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "merge: expected one --db");
-  if (!arguments.Has("source")) {
-    throw Failure(ExitCode::kUsage, "merge: expected databases to merge, found none");
+namespace {
+
+struct MergeDatabases {
+  std::string db = kDefaultDatabase;
+  std::vector<std::string> sources;
+
+  CommandSpec Declare() {
+    return {.name = "results merge",
+            .summary = "adds the runs of several databases to one",
+            .usage = {"results merge SOURCE... --db TARGET"},
+            .examples = {"results merge node1.db node2.db --db all.db"},
+            .about =
+                "Creates the target if it does not exist. If both have a run, the one that got "
+                "further stays, so the order of merging makes no difference.",
+            .arguments = {{"", "SOURCE", Texts(&sources).Required(), "the databases to read"}},
+            .groups = {{"Where to", {{"db", "TARGET", Text(&db), "the database to add to"}}}}};
   }
-  const auto sources = arguments.Get<std::vector<std::string>>("source");
+  int Run();
+};
+
+int MergeDatabases::Run() {
   // Before anything is written.
   for (const std::string& source : sources) Database::OpenReadOnly(source);
-  const auto target = Database::OpenOrCreate(selection.databases.front());
+  const auto target = Database::OpenOrCreate(db);
   for (const std::string& warning : target->warnings()) std::cerr << "warning: " << warning << "\n";
   for (const std::string& source : sources) {
     const MergeResult result = Merge(target.get(), source);
@@ -38,5 +45,9 @@ int MergeCommand(const Words& words) {
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command MergeCommand() { return MakeCommand<MergeDatabases>(); }
 
 }  // namespace dreamsearch::results

@@ -1,12 +1,11 @@
-// results show RUN - all there is to know about one run.
+// results show RUN - what is known about one run?
 #include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "results/database/query.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/text.h"
@@ -16,42 +15,37 @@ namespace {
 
 void Heading(const std::string& text) { std::cout << "\n" << text << "\n"; }
 
-void Indented(const Table& table) {
-  std::istringstream lines(table.Print(TableForm::kText));
-  std::string line;
-  while (std::getline(lines, line)) std::cout << "  " << line << "\n";
-}
-
 void Query(Connection& db, const std::string& heading, const char* sql, std::int64_t run_id) {
   Statement rows = db.Prepare(sql);
   rows.Bind(run_id);
   const Table table = ReadTable(&rows);
   if (table.rows.empty()) return;
   Heading(heading);
-  Indented(table);
+  std::cout << table.Print(TableForm::kText, 2);
 }
 
-}  // namespace
+struct Show {
+  std::string name, db = kDefaultDatabase;
 
-int ShowCommand(const Words& words) {
-  Arguments arguments("show", "RUN [options]",
-                      "Shows a run: what it is, how far it is, what it took, what happened.\n"
-                      "RUN is a run_id or the beginning of a UUID.");
-  arguments.AddDatabase();
-  arguments.AddPositional("run");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  if (!arguments.Has("run")) {
-    throw Failure(ExitCode::kUsage, "show: expected a run, found none. See `results list`.");
+  CommandSpec Declare() {
+    return {.name = "results show",
+            .summary = "shows what is known about one run",
+            .examples = {"results show 3"},
+            .about = "Shows what the run is, how far it is, how long it took and what happened.",
+            .arguments = {{"", "RUN", Text(&name).Required(),
+                           "the run's number or the beginning of its UUID, from `results list`"}},
+            .groups = {{"Where", {DatabaseFlag(&db)}}}};
   }
-  const std::string name = arguments.Get<std::vector<std::string>>("run").front();
-  const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "show: expected one --db");
-  const auto database = Database::OpenReadOnly(selection.databases.front());
+  int Run();
+};
+
+int Show::Run() {
+  const auto database = Database::OpenReadOnly(db);
   const RunInfo run = database->GetRun(name);
-  Connection& db = database->connection();
+  Connection& rows = database->connection();
 
   std::cout << "run " << run.run_id << "  " << run.uuid << "\n";
-  Table facts = {{"", ""}, {}};
+  Table facts;
   const auto fact = [&facts](const char* what, const Cell& value) {
     const auto* text = std::get_if<std::string>(&value);
     if (std::holds_alternative<std::monostate>(value) || (text != nullptr && text->empty())) return;
@@ -91,63 +85,63 @@ int ShowCommand(const Words& words) {
   fact("build", build.version + (build.commit.empty() ? "" : " " + build.commit.substr(0, 12)) +
                     (build.dirty ? " with changes" : "") + ", " + build.compiler + ", " +
                     build.instruction_set);
-  const std::string text = facts.Print(TableForm::kText);
-  std::cout << text.substr(text.find('\n') + 1);
+  std::cout << facts.Print(TableForm::kText);
 
-  Query(db, "Last evaluations (phase 1: with search, 2: the actor alone)",
+  Query(rows, "Last evaluations (phase 1: with search, 2: the actor alone)",
         "SELECT phase, env_step, avg(episode_return) AS mean, min(episode_return) AS lo,"
         " max(episode_return) AS hi, count(*) AS episodes FROM episode WHERE run_id = ?1 AND"
         " phase > 0 GROUP BY phase, env_step HAVING env_step >= (SELECT max(env_step) FROM episode"
         " e WHERE e.run_id = ?1 AND e.phase = episode.phase) - 0 ORDER BY phase, env_step",
         run.run_id);
-  Query(db, "Last training episodes",
+  Query(rows, "Last training episodes",
         "SELECT * FROM (SELECT episode, env_step, length, episode_return, wall_s, plan_us_mean,"
         " plan_us_p95, model_transitions FROM episode WHERE run_id = ?1 AND phase = 0"
         " ORDER BY episode DESC LIMIT 5) ORDER BY episode",
         run.run_id);
-  Query(db, "Time",
+  Query(rows, "Time",
         "SELECT activity, round(seconds, 1) AS seconds, round(100 * seconds / sum(seconds) OVER (),"
         " 1) AS percent FROM time_use WHERE run_id = ?1 AND env_step = (SELECT max(env_step) FROM"
         " time_use WHERE run_id = ?1) ORDER BY seconds DESC",
         run.run_id);
-  Query(db, "Last values of its metrics",
+  Query(rows, "Last values of its metrics",
         "SELECT name, value, unit, env_step, doc FROM (SELECT m.name, s.value, m.unit, s.env_step,"
         " m.doc, max(s.env_step) FROM scalar s JOIN metric m USING (metric_id) WHERE"
         " s.run_id = ?1 GROUP BY s.metric_id) ORDER BY name",
         run.run_id);
-  Query(db, "Segments",
+  Query(rows, "Segments",
         "SELECT segment, hostname AS host, pid, from_env_step AS \"from\", to_env_step AS \"to\","
         " started_utc AS started, ended_utc AS ended, end_reason AS reason, rows_rolled_back AS"
         " rolled_back, instruction_set, slurm_job FROM segment JOIN host USING (host_id)"
         " WHERE run_id = ?1 ORDER BY segment",
         run.run_id);
-  Query(db, "Events (the last 20)",
+  Query(rows, "Events (the last 20)",
         "SELECT * FROM (SELECT seq, env_step, utc, level, kind, detail FROM event WHERE"
         " run_id = ?1 ORDER BY seq DESC LIMIT 20) ORDER BY seq",
         run.run_id);
   Query(
-      db, "Files",
+      rows, "Files",
       "SELECT path, kind, env_step, bytes FROM artifact WHERE run_id = ?1 ORDER BY env_step, path",
       run.run_id);
 
   Heading("Settings (sha256 " + run.config_sha256.substr(0, 12) + ")");
   const nlohmann::json config = ParseJsonOrDiscard(run.config_json);
   if (config.is_structured()) {
-    Table settings = {{"", ""}, {}};
+    Table settings;
     const nlohmann::json flat = config.flatten();
     for (const auto& [key, value] : flat.items()) {
       std::string dotted = key.empty() ? key : key.substr(1);
       std::replace(dotted.begin(), dotted.end(), '/', '.');
       settings.rows.push_back({dotted, JsonText(value)});
     }
-    const std::string list = settings.Print(TableForm::kText);
-    std::istringstream lines(list.substr(list.find('\n') + 1));
-    std::string line;
-    while (std::getline(lines, line)) std::cout << "  " << line << "\n";
+    std::cout << settings.Print(TableForm::kText, 2);
   } else {
     std::cout << "  " << Printable(run.config_json) << "\n";
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command ShowCommand() { return MakeCommand<Show>(); }
 
 }  // namespace dreamsearch::results

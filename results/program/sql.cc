@@ -1,35 +1,49 @@
-// results sql QUERY - runs a query and prints what it gives.
+// results sql QUERY - what does the database say to a question of your own?
 #include <iostream>
 
 #include "results/database/query.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 
 namespace dreamsearch::results {
 
-int SqlCommand(const Words& words) {
-  Arguments arguments(
-      "sql", "QUERY [options]",
-      "Runs one query, which can change nothing, and prints a table. The tables\n"
-      "and views are explained in results/README.md; without a query they are listed.");
-  arguments.AddDatabase();
-  namespace po = boost::program_options;
-  arguments.Add()("format", po::value<std::string>()->default_value("text"),
-                  "text, markdown, csv or json")("out", po::value<std::string>()->default_value(""),
-                                                 "a file (.txt, .md, .csv, .json)");
-  arguments.AddPositional("query");
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
-  if (selection.databases.size() != 1) throw Failure(ExitCode::kUsage, "sql: expected one --db");
-  const auto database = Database::OpenReadOnly(selection.databases.front());
-  const std::string query = arguments.Has("query")
-                                ? arguments.Get<std::vector<std::string>>("query").front()
-                                : "SELECT type, name FROM sqlite_schema WHERE type IN ('table',"
-                                  " 'view') AND name NOT LIKE 'sqlite_%' ORDER BY type, name";
-  PrintTable(RunQuery(database.get(), query), arguments.Get<std::string>("format"),
-             arguments.Get<std::string>("out"));
+namespace {
+
+struct Sql {
+  std::string query, db = kDefaultDatabase, out;
+  TableForm form = TableForm::kText;
+
+  CommandSpec Declare() {
+    return {.name = "results sql",
+            .summary = "runs a query and prints the table it gives",
+            .examples = {"results sql \"SELECT task, planner, count(*) FROM v_run GROUP BY 1, 2\""},
+            .about =
+                "The query can change nothing. results/README.md explains the tables and "
+                "views; without a query the command lists them.",
+            .arguments = {{"", "QUERY", Text(&query), "one SELECT"}},
+            .groups = {{"Where", {DatabaseFlag(&db)}},
+                       {"How",
+                        {FormFlag(&form),
+                         {"out", "FILE", Text(&out),
+                          "write the table to this file (.txt, .md, .csv, .json)"}}}}};
+  }
+  int Run();
+};
+
+int Sql::Run() {
+  const auto database = Database::OpenReadOnly(db);
+  if (query.empty()) {
+    query =
+        "SELECT type, name FROM sqlite_schema WHERE type IN ('table', 'view') AND name NOT LIKE"
+        " 'sqlite_%' ORDER BY type, name";
+  }
+  PrintTable(RunQuery(database.get(), query), form, out);
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command SqlCommand() { return MakeCommand<Sql>(); }
 
 }  // namespace dreamsearch::results

@@ -1,24 +1,34 @@
-// results verify - checks stored rows against their digests.
+// results verify - is every stored row what was written?
 #include <iostream>
 
 #include "results/database/verification.h"
-#include "results/program/arguments.h"
 #include "results/program/commands.h"
+#include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/text.h"
 
 namespace dreamsearch::results {
 
-int VerifyCommand(const Words& words) {
-  Arguments arguments(
-      "verify", "[options]",
-      "Checks the file's structure, every stored row against the digest it was written\n"
-      "with, and that no decision, episode or segment of a run is missing. Exits 78 if\n"
-      "anything does not fit. `runner verify` repeats a run.");
-  arguments.AddDatabase();
-  arguments.AddFilter();
-  if (!arguments.Parse(words)) return static_cast<int>(ExitCode::kOk);
-  const Selection selection = arguments.GetSelection();
+namespace {
+
+struct VerifyRows {
+  Selection selection;
+
+  CommandSpec Declare() {
+    return {.name = "results verify",
+            .summary = "checks every stored row against its digest",
+            .examples = {"results verify --db walker.db"},
+            .about =
+                "Checks the structure of the file, every stored row against the digest that "
+                "was written with it, and that no decision, episode or segment of a run is "
+                "missing. The exit status is 78 if something does not fit. `runner verify` "
+                "repeats a run.",
+            .groups = {SelectionFlags(&selection)}};
+  }
+  int Run();
+};
+
+int VerifyRows::Run() {
   std::size_t problems = 0;
   for (const auto& database : OpenSelected(selection)) {
     const std::vector<std::string> found = Verify(database.get(), selection.filter);
@@ -35,5 +45,9 @@ int VerifyCommand(const Words& words) {
   }
   return static_cast<int>(problems == 0 ? ExitCode::kOk : ExitCode::kVerificationFailed);
 }
+
+}  // namespace
+
+Command VerifyCommand() { return MakeCommand<VerifyRows>(); }
 
 }  // namespace dreamsearch::results

@@ -43,9 +43,7 @@ std::string RoundedCell(const Cell& cell) {
   const auto* real = std::get_if<double>(&cell);
   if (real == nullptr) return Printable(ExactCell(cell));
   if (!std::isfinite(*real)) return "";
-  char text[40];
-  std::snprintf(text, sizeof text, "%.6g", *real);
-  return text;
+  return FormatNumber("%.6g", *real);
 }
 
 std::string MarkdownCell(const Cell& cell) {
@@ -59,16 +57,7 @@ std::string MarkdownCell(const Cell& cell) {
 
 }  // namespace
 
-TableForm ParseTableForm(const std::string& name) {
-  if (name == "text") return TableForm::kText;
-  if (name == "markdown") return TableForm::kMarkdown;
-  if (name == "csv") return TableForm::kCsv;
-  if (name == "json") return TableForm::kJson;
-  throw Failure(ExitCode::kUsage,
-                "no table format '" + name + "'. Known: text, markdown, csv, json");
-}
-
-std::string Table::Print(TableForm form) const {
+std::string Table::Print(TableForm form, std::size_t indent) const {
   std::string out;
   if (form == TableForm::kJson) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -82,8 +71,10 @@ std::string Table::Print(TableForm form) const {
   }
 
   const bool markdown = form == TableForm::kMarkdown;
+  std::size_t count = columns.size();
+  for (const std::vector<Cell>& row : rows) count = std::max(count, row.size());
+  std::vector<bool> right(count, !rows.empty());
   std::vector<std::vector<std::string>> cells = {columns};
-  std::vector<bool> right(columns.size(), !rows.empty());
   for (const std::vector<Cell>& row : rows) {
     cells.emplace_back();
     for (std::size_t i = 0; i < row.size(); ++i) {
@@ -92,13 +83,14 @@ std::string Table::Print(TableForm form) const {
       if (!IsNumber(row[i]) && !empty) right[i] = false;
     }
   }
-  std::vector<std::size_t> widths(columns.size(), markdown ? 3 : 0);
-  for (const auto& row : cells) {
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], Width(row[i]));
+  std::vector<std::size_t> widths(count, markdown ? 3 : 0);
+  for (auto& row : cells) {
+    row.resize(count);
+    for (std::size_t i = 0; i < count; ++i) widths[i] = std::max(widths[i], Width(row[i]));
   }
-  for (std::size_t r = 0; r < cells.size(); ++r) {
-    std::string line = markdown ? "|" : "";
-    for (std::size_t i = 0; i < columns.size(); ++i) {
+  for (std::size_t r = columns.empty() && !markdown ? 1 : 0; r < cells.size(); ++r) {
+    std::string line = markdown ? "|" : std::string(indent, ' ');
+    for (std::size_t i = 0; i < count; ++i) {
       const std::string padding(widths[i] - Width(cells[r][i]), ' ');
       line += markdown ? " " : i > 0 ? "  " : "";
       line += right[i] ? padding + cells[r][i] : cells[r][i] + padding;
@@ -108,11 +100,13 @@ std::string Table::Print(TableForm form) const {
     out += line + "\n";
     if (markdown && r == 0) {
       out += "|";
-      for (std::size_t i = 0; i < columns.size(); ++i) {
+      for (std::size_t i = 0; i < count; ++i) {
         out += " " + std::string(widths[i] - 1, '-') + (right[i] ? ":" : "-") + " |";
       }
       out += "\n";
     }
+    const auto note = r == 0 ? notes.end() : notes.find(r - 1);
+    if (!markdown && note != notes.end()) out += note->second + "\n";
   }
   return out;
 }

@@ -1,7 +1,9 @@
 // table.h - a table of results, and the forms in which it is printed.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <variant>
 #include <vector>
@@ -13,17 +15,17 @@ namespace dreamsearch::results {
 using Cell = std::variant<std::monostate, std::int64_t, double, std::string>;
 
 enum class TableForm { kText, kMarkdown, kCsv, kJson };
-// Throws Failure 2 for an unknown name. Known: text, markdown, csv, json.
-TableForm ParseTableForm(const std::string& name);
 
 struct Table {
-  std::vector<std::string> columns;
+  std::vector<std::string> columns;  // empty: no line of headings
   std::vector<std::vector<Cell>> rows;
+  std::map<std::size_t, std::string> notes = {};  // text form: lines below a row
 
-  // Text and Markdown round numbers to 6 digits and show control characters
-  // escaped, so that a name cannot steer a terminal; CSV (RFC 4180) and JSON (a
-  // list of objects) keep every bit.
-  std::string Print(TableForm form) const;
+  // Columns are two spaces apart, those of numbers aligned to the right; with `indent`
+  // every line of the text form begins with so many spaces. Text and Markdown round numbers to 6
+  // digits and show control characters escaped, so that a name cannot steer a terminal; CSV (RFC
+  // 4180) and JSON (a list of objects) keep every bit.
+  std::string Print(TableForm form, std::size_t indent = 0) const;
 };
 
 // One row as an object of one line, and as a line of CSV.

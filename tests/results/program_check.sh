@@ -24,10 +24,10 @@ expect() {
 
 for command in list show curves compare report export import merge verify delete sql; do
   expect 0 "results $command" "$results" "$command" --help
-  expect 2 "unrecognised option" "$results" "$command" --no-such-option
+  expect 2 "no flag .--no-such-option.\. .results $command --help. lists" "$results" "$command" --no-such-option
 done
 expect 0 "results " "$results" --version
-expect 0 "usage" "$results" --help
+expect 0 "^Usage" "$results" --help
 expect 2 "Did you mean curves" "$results" curvs
 expect 2 "Did you mean mcts_pw" "$results" list --db "$database" --planner mcts_wp
 expect 66 "no such database" "$results" list --db "$folder/none.db"
@@ -44,7 +44,7 @@ if "$results" list --db "$database" --format json | grep '"last eval."' | grep -
   failures=$((failures + 1)); echo "FAILED: an evaluation of more than four digits"
 fi
 expect 0 "nothing is missing" "$results" list --db "$database" --missing
-expect 2 "one of the two" "$results" list --db "$database" --missing --status failed
+expect 2 "expected --missing or --status, found both" "$results" list --db "$database" --missing --status failed
 expect 66 "no run 'zzzz'" "$results" show zzzz --db "$database"
 
 expect 0 "wrote" "$results" curves --db "$database" --out "$folder/a.svg" --out "$folder/a.png" --out "$folder/a.csv"
@@ -53,7 +53,7 @@ expect 0 "PNG" head -c 8 "$folder/a.png"
 expect 0 "task,line,env_step,x,mean,lo,hi,n" head -1 "$folder/a.csv"
 expect 2 "suffix" "$results" curves --db "$database" --out "$folder/a.bmp"
 expect 73 "cannot be created" "$results" curves --db "$database" --out "$folder/none/a.svg"
-expect 2 "no phase" "$results" curves --db "$database" --phase 9
+expect 2 "results curves: --phase: expected evaluation, training (0)" "$results" curves --db "$database" --phase 9
 expect 0 "wrote" "$results" curves --db "$database" --kind mean --x seconds --out "$folder/b.svg"
 expect 0 "wrote" "$results" curves --db "$database" --kind time --out "$folder/c.svg"
 # The table of the figure that is drawn.
