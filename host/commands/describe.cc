@@ -1,34 +1,23 @@
-// runner describe [KIND/]NAME - what a component declares.
+// runner describe [KIND/]NAME - what can be set of a component, and what does it measure?
 #include <iostream>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
-#include "host/commands/text_table.h"
+#include "host/commands/flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/settings/run_parameters.h"
 #include "host/settings/settings.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
 
-namespace po = boost::program_options;
-
 constexpr std::size_t kWidth = 100;
-
-constexpr const char* kHelp =
-    R"(runner describe [KIND/]NAME - parameters, presets and metrics of a component
-
-KIND is environment, model or planner; without it every component of that name is
-shown. `runner describe PLUGIN` lists the components of a plugin, `runner describe run`
-shows the runner's own parameters.
-
-)";
 
 std::string Value(const ParameterInfo& parameter, double number, const std::string& choice) {
   ResolvedValue value;
@@ -67,6 +56,8 @@ std::string Range(const ParameterInfo& parameter) {
   }
 }
 
+void Print(const results::Table& table) { std::cout << table.Print(results::TableForm::kText, 2); }
+
 // `key` is what --set calls the component.
 void PrintParameters(const std::string& key, const std::vector<ParameterInfo>& parameters) {
   if (parameters.empty()) {
@@ -74,19 +65,18 @@ void PrintParameters(const std::string& key, const std::vector<ParameterInfo>& p
     return;
   }
   std::cout << "\nparameters (--set " << key << ".NAME=VALUE)\n";
-  TextTable table(2);
-  table.Row({"NAME", "TYPE", "DEFAULT", "RANGE", "UNIT", "PRESETS"});
+  results::Table table = {{"NAME", "TYPE", "DEFAULT", "RANGE", "UNIT", "PRESETS"}, {}};
   for (const ParameterInfo& parameter : parameters) {
     std::vector<std::string> presets;
     for (const PresetInfo& preset : parameter.presets) {
       presets.push_back(preset.preset + "=" + Value(parameter, preset.number, preset.choice));
     }
-    table.Row({parameter.name, TypeName(parameter.type),
-               Value(parameter, parameter.default_number, parameter.default_choice),
-               Range(parameter), parameter.unit, JoinNames(presets)});
-    table.Note(WrapText(parameter.help, kWidth, 6));
+    table.notes[table.rows.size()] = WrapText(parameter.help, kWidth, 6);
+    table.rows.push_back({parameter.name, TypeName(parameter.type),
+                          Value(parameter, parameter.default_number, parameter.default_choice),
+                          Range(parameter), parameter.unit, JoinNames(presets)});
   }
-  table.Print(std::cout);
+  Print(table);
 }
 
 // "learns, default": what a component declares of itself.
@@ -108,25 +98,25 @@ void PrintComponent(const ComponentInfo& component) {
   std::cout << ComponentKindName(component.kind) << ' ' << component.name << ' '
             << component.version << '\n'
             << WrapText(component.summary, kWidth, 2) << '\n';
-  TextTable facts(2);
-  if (!component.aliases.empty()) facts.Row({"also called", JoinNames(component.aliases)});
+  results::Table facts;
+  if (!component.aliases.empty())
+    facts.rows.push_back({"also called", JoinNames(component.aliases)});
   const std::string traits = TraitsText(component);
-  if (!traits.empty()) facts.Row({"traits", traits});
-  facts.Row({"plugin", plugin.name + " " + plugin.version + ", SDK " +
-                           std::to_string(plugin.sdk_major) + "." +
-                           std::to_string(plugin.sdk_minor)});
-  facts.Row({"file", plugin.path});
-  facts.Row({"sha256", plugin.sha256});
-  facts.Print(std::cout);
+  if (!traits.empty()) facts.rows.push_back({"traits", traits});
+  facts.rows.push_back({"plugin", plugin.name + " " + plugin.version + ", SDK " +
+                                      std::to_string(plugin.sdk_major) + "." +
+                                      std::to_string(plugin.sdk_minor)});
+  facts.rows.push_back({"file", plugin.path});
+  facts.rows.push_back({"sha256", plugin.sha256});
+  Print(facts);
   PrintParameters(component.name, component.parameters);
   if (component.metrics.empty()) return;
   std::cout << "\nmetrics\n";
-  TextTable metrics(2);
-  metrics.Row({"NAME", "UNIT", "MEANING"});
+  results::Table metrics = {{"NAME", "UNIT", "MEANING"}, {}};
   for (const MetricInfo& metric : component.metrics) {
-    metrics.Row({metric.name, metric.unit, metric.help});
+    metrics.rows.push_back({metric.name, metric.unit, metric.help});
   }
-  metrics.Print(std::cout);
+  Print(metrics);
 }
 
 void PrintRun() {
@@ -145,14 +135,14 @@ bool PrintPlugin(const Catalogue& catalogue, const std::string& name) {
   if (offered.empty()) return false;
   const PluginInfo& plugin = offered.front()->plugin;
   std::cout << "plugin " << plugin.name << ' ' << plugin.version << "\n  " << plugin.path << "\n\n";
-  TextTable table(2);
-  table.Row({"KIND", "NAME", "WHAT IT IS"});
+  results::Table table = {{"KIND", "NAME", "WHAT IT IS"}, {}};
   for (const ComponentInfo* component : offered) {
-    table.Row({ComponentKindName(component->kind), component->name, component->summary});
+    table.rows.push_back(
+        {std::string(ComponentKindName(component->kind)), component->name, component->summary});
   }
-  table.Print(std::cout);
+  Print(table);
   std::cout << "\n`runner describe " << ComponentKindName(offered.front()->kind) << '/'
-            << offered.front()->name << "` shows what can be set of one\n";
+            << offered.front()->name << "` shows the parameters of a component\n";
   return true;
 }
 
@@ -202,27 +192,27 @@ std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalog
   throw Failure(ExitCode::kNotFound, message);
 }
 
-}  // namespace
-
-int DescribeCommand(const std::vector<std::string>& arguments) {
-  bool help = false;
+struct Describe {
   std::string name;
   std::vector<std::string> plugin_path;
-  po::options_description flags = PluginPathFlag(&plugin_path);
-  flags.add_options()("help", po::bool_switch(&help), "show this text");
-  po::options_description all = flags;
-  all.add_options()("name", po::value(&name), "");
-  ParseFlags("runner describe", arguments, all,
-             po::positional_options_description().add("name", 1));
-  if (help) {
-    std::cout << kHelp << flags;
-    return static_cast<int>(ExitCode::kOk);
+
+  CommandSpec Declare() {
+    return {.name = "runner describe",
+            .summary = "shows what a component declares: parameters, presets and metrics",
+            .examples = {"runner describe mcts_pw", "runner describe model/dreamer",
+                         "runner describe run"},
+            .about =
+                "Without a kind (environment/, model/ or planner/) the command shows every "
+                "component of that name. With the name of a plugin it lists the plugin's "
+                "components. `run` stands for the runner's own parameters.",
+            .arguments = {{"", "[KIND/]NAME", Text(&name).Required(),
+                           "a component or a plugin, from `runner list`, or `run`"}},
+            .groups = {{"Where", {PluginPathFlag(&plugin_path)}}}};
   }
-  if (name.empty()) {
-    throw Failure(ExitCode::kUsage,
-                  "runner describe: expected [KIND/]NAME, found nothing; `runner list` shows "
-                  "the names");
-  }
+  int Run();
+};
+
+int Describe::Run() {
   if (name == "run") {
     PrintRun();
     return static_cast<int>(ExitCode::kOk);
@@ -238,5 +228,9 @@ int DescribeCommand(const std::vector<std::string>& arguments) {
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command DescribeCommand() { return MakeCommand<Describe>(); }
 
 }  // namespace dreamsearch

@@ -1,29 +1,23 @@
+// runner eval [RUN] - how good is an agent under this planner and that model?
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <map>
 
 #include "host/acting/episode.h"
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
 #include "host/commands/progress.h"
-#include "host/commands/text_table.h"
+#include "host/commands/run_flags.h"
 #include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
 #include "host/processes/trained_run.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
 namespace {
-
-std::string Printf(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 // What is to be played for a trained run: its own task, seed and study.
 std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
@@ -114,35 +108,38 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
       if (episode.episode_return) figures.returns.push_back(*episode.episode_return);
     }
   }
-  TextTable text(0);
-  text.Row({"task", "planner", "model", "episodes", "return", "std. error", "ms/decision",
-            "transitions/decision"});
+  results::Table text = {{"task", "planner", "model", "episodes", "return", "std. error",
+                          "ms/decision", "transitions/decision"},
+                         {}};
   for (const auto& key : order) {
     const Figures& figures = table[key];
     const std::size_t n = figures.returns.size();
-    std::vector<std::string> row = key;
+    std::vector<results::Cell> row(key.begin(), key.end());
     row.push_back(std::to_string(n));
-    row.push_back(n == 0 ? "-" : Printf("%.1f", Mean(figures.returns)));
-    row.push_back(n < 2 ? "-" : Printf("%.1f", StandardError(figures.returns)));
-    row.push_back(
-        figures.decisions == 0 ? "-" : Printf("%.3f", figures.plan_us / figures.decisions / 1000));
-    row.push_back(figures.decisions == 0 ? "-"
-                                         : Printf("%.1f", figures.transitions / figures.decisions));
-    if (figures.finished < figures.runs) row.emplace_back("unfinished");
-    text.Row(std::move(row));
+    row.push_back(n == 0 ? "-" : FormatNumber("%.1f", Mean(figures.returns)));
+    row.push_back(n < 2 ? "-" : FormatNumber("%.1f", StandardError(figures.returns)));
+    row.push_back(figures.decisions == 0
+                      ? "-"
+                      : FormatNumber("%.3f", figures.plan_us / figures.decisions / 1000));
+    row.push_back(figures.decisions == 0
+                      ? "-"
+                      : FormatNumber("%.1f", figures.transitions / figures.decisions));
+    if (figures.finished < figures.runs) row.emplace_back(std::string("unfinished"));
+    text.rows.push_back(std::move(row));
   }
-  text.Print(std::cout);
+  std::cout << text.Print(results::TableForm::kText);
 }
 
-}  // namespace
+struct Eval {
+  EvaluationOptions evaluation;
 
-int EvalCommand(const std::vector<std::string>& arguments) {
-  EvaluationOptions evaluation = ParseEvaluationOptions(arguments);
-  Options& options = evaluation.choice;
-  if (options.help) {
-    std::cout << EvaluationHelp();
-    return 0;
-  }
+  CommandSpec Declare() { return EvaluationFlags(&evaluation); }
+  int Run(const Words& words);
+};
+
+int Eval::Run(const Words& words) {
+  CompleteEvaluation(&evaluation);
+  const Options& options = evaluation.choice;
   const std::string db = options.process.db.string();
   std::unique_ptr<results::Database> database;
   std::vector<RunSpec> specs;
@@ -179,7 +176,7 @@ int EvalCommand(const std::vector<std::string>& arguments) {
     if (run.action == Action::kSkipFinished) ++finished;
   }
   std::vector<std::string> argv = {"runner", "eval"};
-  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  argv.insert(argv.end(), words.begin(), words.end());
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
   std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
             << finished << " finished before; database " << database->path() << std::endl;
@@ -187,10 +184,14 @@ int EvalCommand(const std::vector<std::string>& arguments) {
   const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
   PrintTable(database.get(), specs);
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
-    std::cerr << "the same command goes on\n";
+    std::cerr << "the same command resumes\n";
   }
   const int status = SweepStatus(planned, result);
   return status != 0 ? status : failed_before;
 }
+
+}  // namespace
+
+Command EvalCommand() { return MakeCommand<Eval>(); }
 
 }  // namespace dreamsearch

@@ -1,5 +1,5 @@
+// runner explain RUN --decision T - why did the planner choose this action?
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -9,10 +9,9 @@
 #include "host/acting/decision_tree.h"
 #include "host/acting/episode.h"
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
+#include "host/commands/flags.h"
 #include "host/commands/page/embedded.h"
 #include "host/commands/progress.h"
-#include "host/commands/text_table.h"
 #include "host/processes/question.h"
 #include "host/processes/sweep.h"
 #include "host/processes/trained_run.h"
@@ -26,23 +25,7 @@
 #include "results/system/web_page.h"
 
 namespace dreamsearch {
-
-namespace po = boost::program_options;
-
 namespace {
-
-constexpr char kHelp[] =
-    "runner explain RUN --decision T [--episode I] [--db FILE] [--out PREFIX]\n\n"
-    "Replays evaluation episode I from the run's newest checkpoint up to decision T,\n"
-    "and writes the tree that its search made there: PREFIX.json for programs and\n"
-    "PREFIX.html, one page without a network that shows the root's actions and every\n"
-    "edge with visits, Q, prior, reward and value. RUN is a training or an evaluation\n"
-    "(`runner eval`): its number or the beginning of its UUID from `runner status`.\n"
-    "Decisions and episodes count from 0. With --training the tree is one that a training\n"
-    "under `runner --record-trees` kept, noise of exploration included.\n\n"
-    "Example\n"
-    "  runner explain 3 --decision 120\n\n"
-    "Options";
 
 // What the run plays when it is evaluated with search, and its checkpoint.
 struct Subject {
@@ -110,11 +93,7 @@ nlohmann::json KeptTree(const std::filesystem::path& folder, const std::string& 
   return results::ParseJson(found->second);
 }
 
-std::string Number(double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
+std::string Number(double value) { return FormatNumber("%.4g", value); }
 
 std::string ActionText(const nlohmann::json& action) {
   std::string text = "[";
@@ -145,16 +124,16 @@ void PrintRoot(const nlohmann::json& tree) {
   });
   constexpr std::size_t kMost = 5;
   if (order.size() > kMost) order.resize(kMost);
-  TextTable table(0);
-  table.Row({"", "action", "visits", "Q", "prior", "reward", "value"});
+  results::Table table = {{"", "action", "visits", "Q", "prior", "reward", "value"}, {}};
   for (const std::size_t i : order) {
     const nlohmann::json& edge = edges[i];
-    table.Row({tree.at("chosen_edge") == i ? "*" : "", ActionText(edge.at("action")),
-               std::to_string(edge.at("visits").get<std::uint64_t>()), Number(edge.at("q")),
-               Number(edge.at("prior")), Number(edge.at("reward")), Number(edge.at("value"))});
+    table.rows.push_back(
+        {std::string(tree.at("chosen_edge") == i ? "*" : ""), ActionText(edge.at("action")),
+         std::to_string(edge.at("visits").get<std::uint64_t>()), Number(edge.at("q")),
+         Number(edge.at("prior")), Number(edge.at("reward")), Number(edge.at("value"))});
   }
-  if (all > kMost) table.Note("and " + std::to_string(all - kMost) + " more actions");
-  table.Print(std::cout);
+  std::cout << table.Print(results::TableForm::kText);
+  if (all > kMost) std::cout << "and " << all - kMost << " more actions\n";
 }
 
 // One page of HTML that holds all it needs. `tree` is TreeJson with what the page
@@ -166,42 +145,42 @@ std::string TreePage(const nlohmann::json& tree) {
                                           {"script", std::string(ExplainScript())}});
 }
 
-}  // namespace
-
-int ExplainCommand(const std::vector<std::string>& arguments) {
+struct Explain {
   std::string run, db = "results/dreamsearch.db", out;
-  std::int64_t episode = 0, decision = -1;
+  std::int64_t episode = 0, decision = 0;
   bool training = false;
   std::vector<std::string> plugin_path;
-  po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")("run", po::value(&run)->value_name("RUN"),
-                                                "the run")(
-      "decision", po::value(&decision)->value_name("T"), "decision of the episode, from 0")(
-      "episode", po::value(&episode)->value_name("I"), "episode of the evaluation, from 0 (0)")(
-      "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
-      "training", po::bool_switch(&training),
-      "a decision of training episode I, kept by --record-trees")(
-      "out", po::value(&out)->value_name("PREFIX"),
-      "what the two files' names begin with, or a folder for them "
-      "(runR_episodeI_decisionT; _training)");
-  flags.add(PluginPathFlag(&plugin_path));
-  po::positional_options_description positional;
-  positional.add("run", 1);
-  const po::variables_map given = ParseFlags("runner explain", arguments, flags, positional);
-  if (given.count("help") != 0) {
-    std::cout << flags;
-    return 0;
+
+  CommandSpec Declare() {
+    return {
+        .name = "runner explain",
+        .summary = "shows the search tree of a decision",
+        .examples = {"runner explain 3 --decision 120"},
+        .about =
+            "Replays an evaluation episode from the run's newest checkpoint up to the "
+            "decision and writes the tree that the search made there: PREFIX.json for "
+            "programs, and PREFIX.html, a page that needs no network and shows the root's "
+            "actions and every edge with visits, Q, prior, reward and value. The run is a "
+            "training or an evaluation of `runner eval`. With --training the command shows a "
+            "tree that a training with --record-trees kept, exploration noise included.",
+        .arguments = {RunArgument(&run)},
+        .groups = {
+            {"Which decision",
+             {{"decision", "T", Whole(&decision, 0).Default("").Required(),
+               "decision of the episode, counted from 0"},
+              {"episode", "I", Whole(&episode, 0), "the episode, counted from 0"},
+              {"training", "", Switch(&training), "take the decision from training episode I"}}},
+            {"Where",
+             {DatabaseFlag(&db),
+              PluginPathFlag(&plugin_path),
+              {"out", "PREFIX", Text(&out).Default("runR_episodeI_decisionT, runR_training_..."),
+               "begin the names of the two files with this, or write them to this "
+               "folder"}}}}};
   }
-  if (run.empty() || given.count("decision") == 0) {
-    throw Failure(ExitCode::kUsage,
-                  "runner explain: expected a run and a decision, for example runner explain "
-                  "3 --decision 120; `runner status` lists the runs");
-  }
-  if (decision < 0 || episode < 0) {
-    throw Failure(ExitCode::kUsage,
-                  "runner explain: --decision and --episode count from 0, found " +
-                      std::to_string(std::min(decision, episode)));
-  }
+  int Run();
+};
+
+int Explain::Run() {
   const auto database = results::Database::OpenReadOnly(db);
   const Subject subject = training ? TrainingSubject(database.get(), run)
                                    : FindSubject(database.get(), run, plugin_path);
@@ -256,6 +235,10 @@ int ExplainCommand(const std::vector<std::string>& arguments) {
             << " edges\n";
   return 0;
 }
+
+}  // namespace
+
+Command ExplainCommand() { return MakeCommand<Explain>(); }
 
 int ExplainDecisionMain() {
   return AnswerMain([](const nlohmann::json& question) {

@@ -1,37 +1,22 @@
+// runner export RUN - how do other programs get at a trained model?
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "dreamsearch/version.h"
 #include "host/acting/components.h"
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
+#include "host/commands/flags.h"
 #include "host/commands/progress.h"
-#include "host/commands/text_table.h"
 #include "host/processes/question.h"
 #include "host/processes/trained_run.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
 #include "results/system/error.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
-
-namespace po = boost::program_options;
-
 namespace {
-
-constexpr char kHelp[] =
-    "runner export RUN [--db FILE] [--out FILE.safetensors]\n\n"
-    "Writes the weights of a trained model, from the run's newest checkpoint, as a\n"
-    "safetensors file: named float32 arrays, row-major, that Python and other programs\n"
-    "read. The arrays are those the model names itself; they are listed on standard\n"
-    "output with their shapes, slowest dimension first. The file's __metadata__ says\n"
-    "which run, task, planner, model and configuration they come from. RUN is a number\n"
-    "or the beginning of a UUID from `runner status`.\n\n"
-    "Example\n"
-    "  runner export 3 --out walker.safetensors\n"
-    "  python3 -c 'from safetensors.numpy import load_file; load_file(\"walker.safetensors\")'\n\n"
-    "Options";
 
 std::string ShapeText(const nlohmann::json& shape) {
   std::string text = "[";
@@ -41,30 +26,33 @@ std::string ShapeText(const nlohmann::json& shape) {
   return text + "]";
 }
 
-}  // namespace
-
-int ExportCommand(const std::vector<std::string>& arguments) {
+struct Export {
   std::string run, db = "results/dreamsearch.db", out;
   std::vector<std::string> plugin_path;
-  po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")("run", po::value(&run)->value_name("RUN"),
-                                                "the trained run")(
-      "db", po::value(&db)->value_name("FILE"), "results database (results/dreamsearch.db)")(
-      "out", po::value(&out)->value_name("FILE"),
-      "the file to write, or a folder for it (TASK_PLANNER_seedN.safetensors here)");
-  flags.add(PluginPathFlag(&plugin_path));
-  po::positional_options_description positional;
-  positional.add("run", 1);
-  const po::variables_map given = ParseFlags("runner export", arguments, flags, positional);
-  if (given.count("help") != 0) {
-    std::cout << flags;
-    return 0;
+
+  CommandSpec Declare() {
+    return {.name = "runner export",
+            .summary = "writes the weights of a trained model as a safetensors file",
+            .examples = {"runner export 3 --out walker.safetensors",
+                         "python3 -c 'from safetensors.numpy import load_file; "
+                         "load_file(\"walker.safetensors\")'"},
+            .about =
+                "Python and other programs read the file: named float32 arrays, row-major. The "
+                "weights come from the run's newest checkpoint; the model names the arrays. The "
+                "command lists them on standard output with their shapes, slowest dimension "
+                "first. The file's __metadata__ says which run, task, planner, model and "
+                "configuration they come from.",
+            .arguments = {RunArgument(&run)},
+            .groups = {{"Where",
+                        {DatabaseFlag(&db),
+                         PluginPathFlag(&plugin_path),
+                         {"out", "FILE", Text(&out).Default("TASK_PLANNER_seedN.safetensors"),
+                          "write this file, or a file in this folder"}}}}};
   }
-  if (run.empty()) {
-    throw Failure(ExitCode::kUsage,
-                  "runner export: expected a run, for example runner export 3; `runner "
-                  "status` lists them");
-  }
+  int Run();
+};
+
+int Export::Run() {
   const auto database = results::Database::OpenReadOnly(db);
   const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
@@ -91,20 +79,23 @@ int ExportCommand(const std::vector<std::string>& arguments) {
                                                {"checkpoint", trained.checkpoint.string()},
                                                {"out", out},
                                                {"metadata", metadata}});
-  TextTable table(0);
-  table.Row({"tensor", "shape"});
+  results::Table table = {{"tensor", "shape"}, {}};
   std::uint64_t numbers = 0;
   for (const nlohmann::json& tensor : answer.at("tensors")) {
-    table.Row({tensor.at("name"), ShapeText(tensor.at("shape"))});
+    table.rows.push_back({tensor.at("name").get<std::string>(), ShapeText(tensor.at("shape"))});
     numbers += tensor.at("size").get<std::uint64_t>();
   }
-  table.Print(std::cout);
+  std::cout << table.Print(results::TableForm::kText);
   std::cerr << "wrote " << out << ": " << answer.at("tensors").size() << " tensors, "
             << GroupDigits(numbers) << " numbers, " << FormatBytes(answer.at("bytes").get<double>())
             << ", of " << RunName(trained) << " after " << GroupDigits(trained.env_step)
             << " environment steps\n";
   return 0;
 }
+
+}  // namespace
+
+Command ExportCommand() { return MakeCommand<Export>(); }
 
 int ExportModelMain() {
   return AnswerMain([](const nlohmann::json& question) {

@@ -1,79 +1,58 @@
-// runner list [KIND] - the components of all plugins, and what was refused.
+// runner list [KIND] - which environments, models and planners are there?
 #include <iostream>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
-#include "host/commands/text_table.h"
+#include "host/commands/flags.h"
 #include "host/plugins/catalogue.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
+#include "results/system/table.h"
 
 namespace dreamsearch {
 namespace {
 
-namespace po = boost::program_options;
-
-constexpr const char* kHelp =
-    R"(runner list [KIND] - the components of all plugins, and what was refused
-
-KIND is environments, models or planners; all of them unless given.
-`runner describe NAME` shows the parameters of one.
-
-)";
-
-const std::vector<std::string> kKinds = {"environments", "models", "planners"};
-
-std::optional<ComponentKind> ParseKind(const std::string& text) {
-  if (text.empty()) return std::nullopt;
-  if (text == "env" || text == "environment" || text == "environments") {
-    return ComponentKind::kEnvironment;
-  }
-  if (text == "model" || text == "models") return ComponentKind::kModel;
-  if (text == "planner" || text == "planners") return ComponentKind::kPlanner;
-  throw Failure(ExitCode::kUsage,
-                "runner list: no kind '" + text + "'. " + KnownNames(text, kKinds));
-}
+constexpr const char* kKinds[] = {"environments", "models", "planners"};
 
 void PrintKind(const Catalogue& catalogue, ComponentKind kind) {
-  TextTable table(2);
-  table.Row({"NAME", "VERSION", "PLUGIN", "SUMMARY"});
-  bool any = false;
+  results::Table table = {{"NAME", "VERSION", "PLUGIN", "SUMMARY"}, {}};
   for (const auto& component : catalogue.components()) {
     if (component->kind != kind) continue;
-    any = true;
     std::string summary = component->summary;
     if (!component->aliases.empty()) summary += " (also " + JoinNames(component->aliases) + ")";
-    table.Row({component->name, component->version,
-               component->plugin.name + " " + component->plugin.version, summary});
+    table.rows.push_back({component->name, component->version,
+                          component->plugin.name + " " + component->plugin.version, summary});
   }
   std::cout << kKinds[static_cast<std::size_t>(kind) - 1] << '\n';
-  if (any) {
-    table.Print(std::cout);
-  } else {
+  if (table.rows.empty()) {
     std::cout << "  none\n";
+  } else {
+    std::cout << table.Print(results::TableForm::kText, 2);
   }
 }
 
-}  // namespace
-
-int ListCommand(const std::vector<std::string>& arguments) {
-  bool help = false;
-  std::string kind_name;
+struct List {
+  std::optional<ComponentKind> only;
   std::vector<std::string> plugin_path;
-  po::options_description flags = PluginPathFlag(&plugin_path);
-  flags.add_options()("help", po::bool_switch(&help), "show this text");
-  po::options_description all = flags;
-  all.add_options()("kind", po::value(&kind_name), "");
-  ParseFlags("runner list", arguments, all, po::positional_options_description().add("kind", 1));
-  if (help) {
-    std::cout << kHelp << flags;
-    return static_cast<int>(ExitCode::kOk);
-  }
-  const std::optional<ComponentKind> only = ParseKind(kind_name);
 
+  CommandSpec Declare() {
+    const Choices<ComponentKind> kinds = {
+        {kKinds[0], ComponentKind::kEnvironment, {"environment", "env"}},
+        {kKinds[1], ComponentKind::kModel, {"model"}},
+        {kKinds[2], ComponentKind::kPlanner, {"planner"}}};
+    return {.name = "runner list",
+            .summary = "lists the components of all plugins, and the plugins that were refused",
+            .examples = {"runner list planners"},
+            .about = "`runner describe NAME` shows the parameters of a component.",
+            .arguments = {{"", "KIND", OneOf(&only, kinds).Default("all"), "what to list"}},
+            .groups = {{"Where", {PluginPathFlag(&plugin_path)}}}};
+  }
+  int Run();
+};
+
+int List::Run() {
   const Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path));
   bool first = true;
   for (const ComponentKind kind :
@@ -96,5 +75,9 @@ int ListCommand(const std::vector<std::string>& arguments) {
   }
   return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command ListCommand() { return MakeCommand<List>(); }
 
 }  // namespace dreamsearch

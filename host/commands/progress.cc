@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 
@@ -14,12 +13,6 @@
 
 namespace dreamsearch {
 namespace {
-
-std::string Printf(const char* format, double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof buffer, format, value);
-  return buffer;
-}
 
 std::size_t TerminalWidth() {
   winsize size{};
@@ -48,15 +41,15 @@ std::string ProgressDisplay::Format(const ActiveLine& line) const {
   const RunProgress& progress = line.progress;
   const auto target = static_cast<double>(line.env_steps_target);
   const auto made = static_cast<double>(progress.env_step);
-  std::string text = line.label + "  " + Printf("%3.0f%%", target > 0 ? 100 * made / target : 0) +
+  std::string text = line.label + "  " + FormatNumber("%3.0f%%", target > 0 ? 100 * made / target : 0) +
                      "  " + GroupDigits(progress.env_step) + " of " +
                      GroupDigits(line.env_steps_target) + " steps";
-  if (line.rate > 0) text += "  " + Printf("%.0f steps/s", line.rate);
+  if (line.rate > 0) text += "  " + FormatNumber("%.0f steps/s", line.rate);
   if (std::isfinite(progress.training_return)) {
-    text += "  return " + Printf("%.1f", progress.training_return);
+    text += "  return " + FormatNumber("%.1f", progress.training_return);
   }
   if (std::isfinite(progress.evaluation_return)) {
-    text += "  evaluated " + Printf("%.1f", progress.evaluation_return);
+    text += "  evaluated " + FormatNumber("%.1f", progress.evaluation_return);
   }
   if (line.rate > 0 && made < target) {
     text += "  " + FormatDuration((target - made) / line.rate) + " left";

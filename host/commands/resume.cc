@@ -1,8 +1,9 @@
+// runner resume - what was interrupted, and how is it finished?
 #include <algorithm>
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
+#include "host/commands/flags.h"
 #include "host/commands/progress.h"
 #include "host/processes/supervisor.h"
 #include "host/processes/sweep.h"
@@ -12,28 +13,36 @@
 
 namespace dreamsearch {
 
-namespace po = boost::program_options;
+namespace {
 
-int ResumeCommand(const std::vector<std::string>& arguments) {
+struct Resume {
   ProcessOptions options;
   std::string what = "all";
   bool force = false;
-  po::options_description flags(
-      "runner resume [RUN|STUDY|all] [options]\n\nGoes on with runs that were queued, interrupted "
-      "or killed, or whose process died;\nwith --retry also with those that failed, crashed or "
-      "diverged. RUN is a number or\nthe beginning of a UUID from `runner status`");
-  flags.add_options()("help", "show this help")("what", po::value<std::string>(&what),
-                                                "RUN, STUDY or all")(
-      "force", po::bool_switch(&force),
-      "go on under another instruction set, though the bits will differ");
-  flags.add(ResumeFlags(&options));
-  po::positional_options_description positional;
-  positional.add("what", 1);
-  const po::variables_map given = ParseFlags("runner resume", arguments, flags, positional);
-  if (given.count("help") != 0) {
-    std::cout << flags;
-    return 0;
+
+  CommandSpec Declare() {
+    std::vector<Flag> runs = {
+        RetryFlag(&options),
+        {"force", "", Switch(&force),
+         "resume under another instruction set, which gives slightly different numbers"},
+        DryRunFlag(&options)};
+    return {.name = "runner resume",
+            .summary = "finishes runs that were queued, interrupted or killed",
+            .examples = {"runner resume", "runner resume 3 --jobs 1"},
+            .about =
+                "Runs whose process died are resumed as well; with --retry also those that "
+                "failed, crashed or diverged.",
+            .arguments = {{"", "RUN|STUDY|all", Text(&what),
+                           "a run's number or the beginning of its UUID, from `runner status`; a "
+                           "study; or all"}},
+            .groups = {LimitFlags(&options),
+                       {"Runs that exist", std::move(runs)},
+                       {"What to record", RecordingFlags(&options)}}};
   }
+  int Run();
+};
+
+int Resume::Run() {
   const auto database = results::Database::OpenExisting(options.db.string());
   std::vector<results::RunInfo> runs = database->ListRuns();
   bool one = false;  // named by itself
@@ -54,7 +63,7 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
     const bool failed = results::HasFailed(run.status);
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
     if (RunIsLocked(database->RunFolder(run))) {
-      std::cerr << "left alone: run " << run.run_id << ": another process is working on it\n";
+      std::cerr << "skipped: run " << run.run_id << ": another process is working on it\n";
       continue;
     }
     SweepJob job;
@@ -91,5 +100,9 @@ int ResumeCommand(const std::vector<std::string>& arguments) {
   const bool stopped = status == static_cast<int>(ExitCode::kInterrupted);
   return refused != 0 && !stopped ? refused : status;
 }
+
+}  // namespace
+
+Command ResumeCommand() { return MakeCommand<Resume>(); }
 
 }  // namespace dreamsearch

@@ -1,17 +1,16 @@
+// runner --env NAMES --planner NAMES - how good do agents become that are trained like this?
 #include <sys/statvfs.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <set>
 #include <thread>
 
-#include "dreamsearch/version.h"
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
 #include "host/commands/progress.h"
+#include "host/commands/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
@@ -169,19 +168,14 @@ std::string ProgramPath(const char* name) {
              : relative.string();
 }
 
-}  // namespace
+struct Train {
+  Options options;
 
-int RunCommand(const std::vector<std::string>& arguments) {
-  const Options options = ParseOptions(arguments);
-  if (options.help) {
-    std::cout << RunnerHelp();
-    return 0;
-  }
-  if (options.version) {
-    std::cout << "dreamsearch " DREAMSEARCH_VERSION ", plugin SDK " << DREAMSEARCH_SDK_MAJOR << "."
-              << DREAMSEARCH_SDK_MINOR << "\n";
-    return 0;
-  }
+  CommandSpec Declare() { return RunFlags(&options); }
+  int Run(const Words& words);
+};
+
+int Train::Run(const Words& words) {
   const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
   for (const std::string& warning : catalogue.warnings()) {
     std::cerr << "warning: " << warning << "\n";
@@ -214,7 +208,7 @@ int RunCommand(const std::vector<std::string>& arguments) {
   std::cerr << "; database " << database->path() << std::endl;
 
   std::vector<std::string> argv = {"runner"};
-  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  argv.insert(argv.end(), words.begin(), words.end());
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
   const std::size_t work = jobs.size();
   ProgressDisplay progress;
@@ -230,12 +224,12 @@ int RunCommand(const std::vector<std::string>& arguments) {
     std::cerr << std::endl;
   }
   if (failed_before != 0) {
-    std::cerr << counts[Action::kSkipFailed] << " failed before; --retry runs them again"
-              << std::endl;
+    std::cerr << Counted(static_cast<std::uint64_t>(counts[Action::kSkipFailed]), "run")
+              << " failed before; repeat the command with --retry to try again" << std::endl;
   }
   const std::string db = options.process.db.string();
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
-    std::cerr << "go on with the same command, or with: " << ProgramPath("runner")
+    std::cerr << "resume with the same command, or with: " << ProgramPath("runner")
               << " resume --db " << db << "\n";
   } else {
     std::cerr << "next: " << ProgramPath("results") << " list --db " << db << "\n"
@@ -245,5 +239,9 @@ int RunCommand(const std::vector<std::string>& arguments) {
   const int status = SweepStatus(planned, result);
   return status != 0 ? status : failed_before;
 }
+
+}  // namespace
+
+Command RunCommand() { return MakeCommand<Train>(); }
 
 }  // namespace dreamsearch

@@ -1,63 +1,68 @@
+// runner status - how far are the runs of a database?
 #include <algorithm>
-#include <iomanip>
 #include <iostream>
+#include <vector>
 
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
-#include "host/commands/progress.h"
+#include "host/commands/flags.h"
 #include "host/processes/worker.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
+#include "results/system/table.h"
 #include "results/system/text.h"
 
 namespace dreamsearch {
+namespace {
 
-namespace po = boost::program_options;
+std::string Label(const results::RunInfo& run, bool with_model) {
+  std::string text = run.task + " " + run.planner;
+  if (with_model) text += " on " + run.model;
+  text += " seed " + std::to_string(run.seed);
+  if (run.parent_run_id) text += ", evaluation of " + std::to_string(*run.parent_run_id);
+  return text;
+}
 
-int StatusCommand(const std::vector<std::string>& arguments) {
+struct ShowStatus {
   std::string db = "results/dreamsearch.db";
-  po::options_description flags(
-      "runner status [--db FILE]\n\nWhat is queued, active, stopped and "
-      "done in a results database");
-  flags.add_options()("help", "show this help")(
-      "db", po::value<std::string>(&db)->default_value(db), "results database");
-  const po::variables_map given = ParseFlags("runner status", arguments, flags);
-  if (given.count("help") != 0) {
-    std::cout << flags;
-    return 0;
+
+  CommandSpec Declare() {
+    return {.name = "runner status",
+            .summary = "shows which runs of a database are queued, active, stopped or done",
+            .examples = {"runner status --db walker.db"},
+            .groups = {{"Where", {DatabaseFlag(&db)}}}};
   }
+  int Run();
+};
+
+int ShowStatus::Run() {
   const auto database = results::Database::OpenReadOnly(db);
   const std::vector<results::RunInfo> runs = database->ListRuns();
-  if (runs.empty()) {
-    std::cout << "no runs in " << database->path() << "\n";
-    return 0;
-  }
-  std::size_t label_width = 0;
   const bool models_differ = std::any_of(
       runs.begin(), runs.end(), [&](const auto& run) { return run.model != runs.front().model; });
-  const auto label = [&](const results::RunInfo& run) {
-    std::string text = run.task + " " + run.planner;
-    if (models_differ) text += " on " + run.model;
-    text += " seed " + std::to_string(run.seed);
-    if (run.parent_run_id) text += ", evaluation of " + std::to_string(*run.parent_run_id);
-    return text;
-  };
-  for (const results::RunInfo& run : runs) label_width = std::max(label_width, label(run).size());
+  results::Table table;
   for (const results::RunInfo& run : runs) {
     const bool held = RunIsLocked(database->RunFolder(run));
     std::string state = results::RunStatusName(run.status);
     // A run that says it is running but that nobody holds lost its process.
     if (run.status == results::RunStatus::kRunning && !held) state = "stale";
-    std::cout << std::setw(4) << run.run_id << "  " << std::left
-              << std::setw(static_cast<int>(label_width)) << label(run) << "  " << std::setw(11)
-              << state << std::right << "  " << std::setw(11)
-              << GroupDigits(static_cast<std::uint64_t>(run.env_steps_done)) << " of "
-              << GroupDigits(static_cast<std::uint64_t>(run.env_steps_target)) << " steps";
-    if (held) std::cout << "  seen " << FormatDuration(run.heartbeat_age_seconds) << " ago";
-    if (!run.error.empty()) std::cout << "  " << run.error;
-    std::cout << "\n";
+    std::string note;
+    if (held) note = "seen " + FormatDuration(run.heartbeat_age_seconds) + " ago";
+    if (!run.error.empty()) note += (note.empty() ? "" : "  ") + run.error;
+    table.rows.push_back(
+        {run.run_id, Label(run, models_differ), state,
+         GroupDigits(run.env_steps_done) + " of " + GroupDigits(run.env_steps_target) + " steps",
+         note});
   }
-  return 0;
+  if (table.rows.empty()) {
+    std::cout << "no runs in " << database->path() << "\n";
+  } else {
+    std::cout << table.Print(results::TableForm::kText, 2);
+  }
+  return static_cast<int>(ExitCode::kOk);
 }
+
+}  // namespace
+
+Command StatusCommand() { return MakeCommand<ShowStatus>(); }
 
 }  // namespace dreamsearch

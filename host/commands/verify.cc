@@ -1,9 +1,10 @@
+// runner verify RUN - does a run give the same results again?
 #include <stdlib.h>
 
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/commands/options.h"
+#include "host/commands/flags.h"
 #include "host/commands/progress.h"
 #include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
@@ -14,22 +15,7 @@
 #include "results/system/sha256.h"
 
 namespace dreamsearch {
-
-namespace po = boost::program_options;
-
 namespace {
-
-constexpr char kHelp[] =
-    "runner verify RUN [--db FILE]\n\n"
-    "Runs a finished run, training or evaluation, again from its stored settings and\n"
-    "seeds in a temporary database, which takes as long as it took, and compares: equal,\n"
-    "or where the two first differ (exit status 78). First it checks that the stored\n"
-    "episodes have the stored digest; `results verify` checks every stored row. RUN is a\n"
-    "number or the beginning of a UUID from `runner status`. A run is the same on one kind\n"
-    "of machine, with the same programs; when they have changed, --force compares anyway.\n\n"
-    "Example\n"
-    "  runner verify 3\n\n"
-    "Options";
 
 // A folder that is gone when this is.
 class TemporaryFolder {
@@ -53,30 +39,33 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-}  // namespace
-
-int VerifyCommand(const std::vector<std::string>& arguments) {
-  ProcessOptions options;
+struct Verify {
   std::string what;
+  ProcessOptions options;
   bool force = false;
-  po::options_description flags(kHelp);
-  flags.add_options()("help", "show this help")("run", po::value(&what)->value_name("RUN"),
-                                                "the run")(
-      "force", po::bool_switch(&force),
-      "compare though a plugin or the instruction set has changed");
-  flags.add(LimitFlags(&options));
-  po::positional_options_description positional;
-  positional.add("run", 1);
-  const po::variables_map given = ParseFlags("runner verify", arguments, flags, positional);
-  if (given.count("help") != 0) {
-    std::cout << flags;
-    return 0;
+
+  CommandSpec Declare() {
+    return {
+        .name = "runner verify",
+        .summary = "repeats a finished run and compares the results",
+        .examples = {"runner verify 3"},
+        .about =
+            "Runs a training or an evaluation again from its stored settings and seeds, in a "
+            "temporary database. That takes as long as the run took. The command says that both "
+            "are equal, or where they first differ (exit status 78). Before that it checks that "
+            "the stored episodes have the stored digest; `results verify` checks every stored "
+            "row. A run gives the same results only on the same kind of machine with the same "
+            "programs.",
+        .arguments = {RunArgument(&what)},
+        .groups = {{"What to compare",
+                    {{"force", "", Switch(&force),
+                      "compare although a plugin or the instruction set has changed"}}},
+                   LimitFlags(&options)}};
   }
-  if (what.empty()) {
-    throw Failure(ExitCode::kUsage,
-                  "runner verify: expected a run, for example runner verify 3; `runner "
-                  "status` lists them");
-  }
+  int Run();
+};
+
+int Verify::Run() {
   const auto database = results::Database::OpenReadOnly(options.db.string());
   const results::RunInfo run = database->GetRun(what);
   RunSpec spec = RecordedSpec(database.get(), run);
@@ -138,5 +127,9 @@ int VerifyCommand(const std::vector<std::string>& arguments) {
   }
   return static_cast<int>(ExitCode::kVerificationFailed);
 }
+
+}  // namespace
+
+Command VerifyCommand() { return MakeCommand<Verify>(); }
 
 }  // namespace dreamsearch

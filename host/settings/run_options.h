@@ -1,7 +1,6 @@
 // run_options.h - which runs a command was asked for, and how to run them.
 //
-// Apart from options.h, which reads them, so that what works on them does not compile
-// the parser of command lines.
+// host/commands/run_flags.h binds them to flags.
 #pragma once
 
 #include <cstdint>
@@ -35,8 +34,6 @@ struct ProcessOptions {
 };
 
 struct Options {
-  bool help = false;     // then nothing else was checked
-  bool version = false;  // likewise
   std::vector<std::string> environments;
   std::vector<std::string> planners;
   std::vector<std::string> models;   // empty: Catalogue::DefaultModel
@@ -45,7 +42,6 @@ struct Options {
   std::string study = "default";
   std::string preset = "fast";
   std::vector<Setting> settings;  // the file's first; --steps is run.steps
-  std::string config;             // the file, empty if none
   bool evaluate = false;          // of `runner eval`: nothing is trained
   ProcessOptions process;
 };

@@ -304,15 +304,15 @@ TEST(ListCommand, ShowsComponentsAndWhyOthersWereRefused) {
   folder.Copy(Corpus("good"), "good.so");
   folder.Write("broken.so", "hello\n");
   testing::internal::CaptureStdout();
-  EXPECT_EQ(ListCommand({"--plugin-path", folder.path().string()}), 0);
+  EXPECT_EQ(ListCommand().Call({"--plugin-path", folder.path().string()}), 0);
   const std::string text = testing::internal::GetCapturedStdout();
   for (const char* part :
        {"environments\n  none\n", "models\n", "planners\n", "good 1.2.3", "(also fine, well)",
         "refused\n", "broken.so", "text beginning 'hello'"}) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
   }
-  EXPECT_THROW(ListCommand({"planer"}), Failure);
-  EXPECT_THROW(ListCommand({"planners", "models"}), Failure);
+  EXPECT_THROW(ListCommand().Call({"planer"}), Failure);
+  EXPECT_THROW(ListCommand().Call({"planners", "models"}), Failure);
 }
 
 TEST(DescribeCommand, ShowsEveryDeclaration) {
@@ -320,17 +320,17 @@ TEST(DescribeCommand, ShowsEveryDeclaration) {
   folder.Copy(Corpus("good"), "good.so");
   const std::string path = folder.path().string();
   testing::internal::CaptureStdout();
-  EXPECT_EQ(DescribeCommand({"good", "--plugin-path", path}), 0);
+  EXPECT_EQ(DescribeCommand().Call({"good", "--plugin-path", path}), 0);
   const std::string both = testing::internal::GetCapturedStdout();
   for (const char* part : {"model good 0.9.0", "planner good 1.0.0", "simulations", "1 .. 1000000",
                            "parent, zero", "paper=0.25", "Exploration noise.", "entropy"}) {
     EXPECT_NE(both.find(part), std::string::npos) << part << " in\n" << both;
   }
   testing::internal::CaptureStdout();
-  EXPECT_EQ(DescribeCommand({"--plugin-path", path, "model/good"}), 0);
+  EXPECT_EQ(DescribeCommand().Call({"--plugin-path", path, "model/good"}), 0);
   EXPECT_EQ(testing::internal::GetCapturedStdout().find("planner good"), std::string::npos);
   try {
-    DescribeCommand({"--plugin-path", path, "gud"});
+    DescribeCommand().Call({"--plugin-path", path, "gud"});
     FAIL() << "described";
   } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);

@@ -1,6 +1,4 @@
-// The command line and the configuration file.
-#include "host/commands/options.h"
-
+// The command lines of `runner` and `runner eval`, and the configuration file.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -10,13 +8,26 @@
 #include <string>
 #include <vector>
 
+#include "host/commands/run_flags.h"
 #include "refusal.h"
+#include "results/command_line/help.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
 namespace {
 
-using Words = std::vector<std::string>;
+Options ParseOptions(const Words& words) {
+  Options options;
+  ReadCommandLine(RunFlags(&options), words);
+  return options;
+}
+
+EvaluationOptions ParseEvaluation(const Words& words) {
+  EvaluationOptions evaluation;
+  ReadCommandLine(EvaluationFlags(&evaluation), words);
+  CompleteEvaluation(&evaluation);
+  return evaluation;
+}
 
 Options Parse(Words more) {
   Words words = {"--env", "walker_walk", "--planner", "mcts_pw"};
@@ -125,29 +136,25 @@ TEST(ParseOptions, ReadsEveryFlag) {
               options.process.record_trees && options.process.dry_run);
 }
 
-TEST(ParseOptions, HelpAndVersionNeedNothingElse) {
-  EXPECT_TRUE(ParseOptions({"--nonsense", "-h"}).help);
-  EXPECT_TRUE(ParseOptions({"--help"}).help);
-  EXPECT_TRUE(ParseOptions({"--version"}).version);
-}
-
 TEST(ParseOptions, WantsATaskAndAPlanner) {
   ExpectRefusal([] { ParseOptions({"--planner", "cem"}); }, ExitCode::kUsage, {"--env"});
   ExpectRefusal([] { ParseOptions({"--env", "cup_catch"}); }, ExitCode::kUsage, {"--planner"});
 }
 
 TEST(ParseOptions, NamesTheNearestFlag) {
-  ExpectUsage({"--sedes", "3"}, {"no option '--sedes'", "Did you mean --seeds?"});
-  ExpectUsage({"--pre", "fast"}, {"no option '--pre'"});  // an abbreviation is no flag
+  ExpectUsage({"--sedes", "3"}, {"no flag '--sedes'", "Did you mean --seeds?"});
+  ExpectUsage({"--pre", "fast"}, {"no flag '--pre'"});  // an abbreviation is no flag
+  ExpectUsage({"--planner.depth=3"}, {"no flag '--planner.depth'", "--set planner.depth=VALUE"});
   ExpectUsage({"resumee"}, {"did not expect the argument 'resumee'"});
-  ExpectUsage({"-x"}, {"did not expect the argument '-x'"});
+  ExpectUsage({"-x"}, {"no flag '-x'"});
 }
 
 TEST(ParseOptions, RefusesMissingDoubleAndSurplusValues) {
-  ExpectUsage({"--seeds"}, {"--seeds", "expects a value"});
+  ExpectUsage({"--seeds"}, {"--seeds: expected a value, found none"});
   ExpectUsage({"--preset", "fast", "--preset", "paper"}, {"--preset", "given twice"});
-  ExpectUsage({"--retry=perhaps"}, {"--retry"});
-  ExpectUsage({"--study="}, {"--study"});
+  ExpectUsage({"--retry=perhaps"}, {"--retry: expected no value"});
+  ExpectUsage({"--study="}, {"--study: expected a value, found none"});
+  ExpectUsage({"--study", ""}, {"--study: expected a name, found nothing"});
 }
 
 TEST(ParseOptions, RefusesSeedsThatAreNone) {
@@ -208,14 +215,15 @@ TEST_F(ConfigurationFile, MayHaveAByteOrderMarkAndCarriageReturns) {
 }
 
 TEST_F(ConfigurationFile, SaysLineAndNearestNameOfAMistake) {
-  ExpectBad("env = a\n\nsedes = 3\n", {"line 3", "no option 'sedes'", "Did you mean seeds?"});
-  ExpectBad("env = a\nenv = b\n", {"line 2", "'env' is given twice", "line 1"});
+  ExpectBad("env = a\n\nsedes = 3\n", {"line 3", "no flag 'sedes'", "Did you mean seeds?"});
+  ExpectBad("env = a\nenv = b\n", {"line 2: env is given twice", "line 1"});
   ExpectBad("seeds = 3\nseed-list = 1\n", {"line 2", "found both", "line 1"});
   ExpectBad("env\n", {"line 1", "expected name = value"});
-  ExpectBad("env =\n", {"line 1", "expects a value"});
+  ExpectBad("env =\n", {"line 1: env", "expected a value, found none"});
   ExpectBad("seeds = -1\n", {"line 1", "found '-1'"});
   ExpectBad("retry = perhaps\n", {"line 1", "retry"});
   ExpectBad("[planner]\nk = 1\n", {"line 1", "expected name = value"});
+  ExpectBad("[a=b]\n", {"line 1", "expected name = value"});
   ExpectBad("set = k\n", {"line 1", "key=value"});
   ExpectBad("config = other.cfg\n", {"line 1", "command line only"});
   ExpectBad(std::string("env = a\0b\n", 10), {"line 1", "control character"});
@@ -241,8 +249,41 @@ TEST_F(ConfigurationFile, MustExistAndBeAFile) {
   ExpectRefusal([&] { Parse({"--config", "/"}); }, ExitCode::kBadInput, {"folder"});
 }
 
+TEST(EvaluationOptions, ADefaultDependsOnWhetherThereIsATrainedRun) {
+  const EvaluationOptions with = ParseEvaluation({"3", "--planner", "cem"});
+  EXPECT_EQ(with.run, "3");
+  EXPECT_TRUE(with.choice.evaluate);
+  EXPECT_EQ(with.choice.preset, "");
+  EXPECT_EQ(with.choice.models, Words{});
+  const EvaluationOptions without =
+      ParseEvaluation({"--planner", "cem", "--env", "a", "--episodes", "7"});
+  EXPECT_EQ(without.run, "");
+  EXPECT_EQ(without.choice.preset, "fast");
+  EXPECT_EQ(without.choice.study, "default");
+  EXPECT_EQ(without.choice.models, Words{});
+  EXPECT_EQ(without.choice.seeds, std::vector<std::uint64_t>{0});
+  ASSERT_EQ(without.choice.settings.size(), 1u);
+  EXPECT_EQ(without.choice.settings[0].key, "run.eval_episodes");
+  EXPECT_EQ(without.choice.settings[0].where, "runner eval: --episodes");
+}
+
+TEST(EvaluationOptions, RefusesWhatBelongsToTheTraining) {
+  const auto expect = [](const Words& words, const std::vector<std::string>& parts) {
+    ExpectRefusal([&] { ParseEvaluation(words); }, ExitCode::kUsage, parts);
+  };
+  expect({}, {"--planner NAMES"});
+  expect({"--planner", "cem"}, {"RUN or --env NAMES", "found neither"});
+  expect({"3", "--planner", "cem", "--env", "a"}, {"RUN or --env, found both"});
+  expect({"3", "--planner", "cem", "--seed-list", "4"}, {"RUN or --seeds, found both"});
+  expect({"3", "--planner", "cem", "--study", "s"}, {"RUN or --study, found both"});
+  expect({"3", "4", "--planner", "cem"}, {"did not expect the argument '4'"});
+  expect({"3", "--planner", "cem", "--set", "run.batch_size=3"}, {"keeps its settings"});
+  expect({"--env", "a", "--planner", "cem", "--set", "run.batch_size=3"}, {"nothing is trained"});
+}
+
 TEST(RunnerHelp, NamesEveryFlagOfTheContract) {
-  const std::string help = RunnerHelp();
+  Options options;
+  const std::string help = HelpText(RunFlags(&options));
   for (const char* flag :
        {"--env",          "--planner",      "--model",       "--eval-planner", "--seeds",
         "--seed-list",    "--study",        "--preset",      "--steps",        "--set",

@@ -192,10 +192,12 @@ TEST_F(EvalTest, InterruptedItGoesOnWithTheNextEpisode) {
 TEST_F(EvalTest, SaysWhatItCannotEvaluate) {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
       {{"eval", "2", "--planner", "dreamer"}, "the trained run is 1"},
-      {{"eval", "1"}, "expected a planner"},
+      {{"eval", "1"}, "expected --planner NAMES"},
       {{"eval", "--planner", "dreamer"}, "RUN or --env"},
-      {{"eval", "1", "--planner", "dreamer", "--seeds", "2"}, "--seeds is the trained run's"},
-      {{"eval", "1", "--planner", "dreamer", "--set", "run.steps=4"}, "settings stay"},
+      {{"eval", "1", "--planner", "dreamer", "--seeds", "2"},
+       "expected RUN or --seeds, found both"},
+      {{"eval", "1", "--planner", "dreamer", "--set", "run.steps=4"},
+       "the trained run keeps its settings"},
       {{"eval", "--env", "walker_walk", "--planner", "dreamer", "--model", "dreamer"},
        "needs a trained run"},
   };

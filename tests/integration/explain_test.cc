@@ -182,7 +182,7 @@ TEST_F(ExplainTest, SaysWhatItCannotShow) {
   EXPECT_FALSE(std::filesystem::exists(place_->Path("x.json")));
   const ProgramResult none = place_->Runner({"explain", "1", "--db", "e.db"});
   EXPECT_EQ(none.exit_status, 2) << none.err;
-  EXPECT_NE(none.err.find("expected a run and a decision"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("expected --decision T"), std::string::npos) << none.err;
 }
 
 }  // namespace

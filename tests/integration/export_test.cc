@@ -120,7 +120,7 @@ TEST_F(ExportTest, NamesWhatItCannotExport) {
   EXPECT_NE(absent.err.find("no run '99'"), std::string::npos) << absent.err;
   const ProgramResult none = place_->Runner({"export", "--db", "e.db"});
   EXPECT_EQ(none.exit_status, 2) << none.err;
-  EXPECT_NE(none.err.find("expected a run"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("expected RUN ("), std::string::npos) << none.err;
   const ProgramResult folder =
       place_->Runner({"export", "1", "--db", "e.db", "--out", "nowhere/w.safetensors"});
   EXPECT_EQ(folder.exit_status, 73) << folder.err;

@@ -176,7 +176,8 @@ TEST(SupervisorTest, ARepeatedCommandExitsLikeTheRunThatFailedBefore) {
   EXPECT_EQ(place.Runner(arguments).exit_status, 70);
   const ProgramResult again = place.Runner(arguments);
   EXPECT_EQ(again.exit_status, 70) << again.err;
-  EXPECT_NE(again.err.find("1 failed before; --retry runs them again"), std::string::npos)
+  EXPECT_NE(again.err.find("1 run failed before; repeat the command with --retry"),
+            std::string::npos)
       << again.err;
 }
 

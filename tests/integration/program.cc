@@ -28,7 +28,7 @@ Workplace::Workplace() {
 
 Workplace::~Workplace() { std::filesystem::remove_all(folder_); }
 
-pid_t Workplace::Start(const std::vector<std::string>& arguments) const {
+pid_t Workplace::Start(const std::vector<std::string>& arguments, const char* name) const {
   const pid_t pid = ::fork();
   if (pid != 0) return pid;
   if (::chdir(folder_.c_str()) != 0) ::_exit(120);
@@ -38,7 +38,7 @@ pid_t Workplace::Start(const std::vector<std::string>& arguments) const {
   ::dup2(::open("/dev/null", O_RDONLY), 0);
   ::dup2(::open(("out" + suffix).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 1);
   ::dup2(::open(("err" + suffix).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 2);
-  const std::string program = std::string(DREAMSEARCH_TEST_BIN_DIR) + "/runner";
+  const std::string program = std::string(DREAMSEARCH_TEST_BIN_DIR) + "/" + name;
   std::vector<char*> argv = {const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
@@ -60,6 +60,10 @@ ProgramResult Workplace::Wait(pid_t pid) const {
 
 ProgramResult Workplace::Runner(const std::vector<std::string>& arguments) const {
   return Wait(Start(arguments));
+}
+
+ProgramResult Workplace::Results(const std::vector<std::string>& arguments) const {
+  return Wait(Start(arguments, "results"));
 }
 
 std::vector<std::string> Workplace::Query(const std::string& db, const std::string& sql) const {

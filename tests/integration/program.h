@@ -28,8 +28,10 @@ class Workplace {
 
   // Runs `runner` with these arguments to its end.
   ProgramResult Runner(const std::vector<std::string>& arguments) const;
-  // Starts it; Wait ends the waiting.
-  pid_t Start(const std::vector<std::string>& arguments) const;
+  // Runs `results`.
+  ProgramResult Results(const std::vector<std::string>& arguments) const;
+  // Starts `runner`, or another program; Wait ends the waiting.
+  pid_t Start(const std::vector<std::string>& arguments, const char* program = "runner") const;
   ProgramResult Wait(pid_t pid) const;
 
   // Rows of a query on a database file, columns joined by '|'. Empty if the file

@@ -35,8 +35,8 @@ TEST(Refusal, NamesWhatIsKnownAndWritesNothing) {
        66,
        "absent.cfg"},
       {{"--planner", "mcts_pw"}, 2, "--env"},
-      {{"trian"}, 2, "subcommand"},
-      {{"render"}, 70, "not part of this version"},
+      {{"trian"}, 2, "no command 'trian'"},
+      {{"render"}, 2, "no command 'render'"},
       {{"status", "--db", "absent.db"}, 66, "absent.db"},
   };
   const Workplace place;
@@ -121,26 +121,6 @@ TEST(Describe, TakesAPluginsName) {
   const ProgramResult misspelt = place.Runner({"describe", "planer_shooting"});
   EXPECT_EQ(misspelt.exit_status, 66) << misspelt.err;
   EXPECT_NE(misspelt.err.find("Did you mean planner_shooting?"), std::string::npos) << misspelt.err;
-}
-
-TEST(Help, OffersWhatMeansSomethingThere) {
-  const Workplace place;
-  const auto offers = [&](const char* command, const char* flag) {
-    return place.Runner({command, "--help"}).out.find(flag) != std::string::npos;
-  };
-  EXPECT_FALSE(offers("verify", "--retry") || offers("verify", "--replace"));
-  EXPECT_TRUE(offers("resume", "--retry"));
-  EXPECT_FALSE(offers("resume", "--replace"));
-  EXPECT_TRUE(offers("eval", "--retry") && offers("eval", "--replace"));
-}
-
-TEST(Help, SaysHowToBegin) {
-  const Workplace place;
-  const ProgramResult result = place.Runner({"--help"});
-  EXPECT_EQ(result.exit_status, 0);
-  for (const char* word : {"--env", "--planner", "--seeds", "--db", "resume", "describe"}) {
-    EXPECT_NE(result.out.find(word), std::string::npos) << word;
-  }
 }
 
 }  // namespace

@@ -1,0 +1,153 @@
+#include "host/commands/flags.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+
+#include "host/settings/cores.h"
+#include "results/system/error.h"
+#include "results/system/json_text.h"
+
+namespace dreamsearch {
+namespace {
+
+// Seeds are stored in SQLite integers, which are signed.
+constexpr std::uint64_t kLargestSeed = std::numeric_limits<std::int64_t>::max();
+constexpr std::uint64_t kMostSeeds = 1000000;
+
+std::vector<std::uint64_t> ParseSeedCount(const std::string& text) {
+  std::vector<std::uint64_t> seeds(ParseWhole(text, 1, kMostSeeds));
+  for (std::uint64_t i = 0; i < seeds.size(); ++i) seeds[i] = i;
+  return seeds;
+}
+
+std::vector<std::uint64_t> ParseSeedList(const std::string& text) {
+  std::vector<std::uint64_t> seeds;
+  for (const std::string& part : SplitCommas(text)) {
+    const std::uint64_t seed = ParseWhole(part, 0, kLargestSeed);
+    if (std::find(seeds.begin(), seeds.end(), seed) != seeds.end()) {
+      throw std::invalid_argument("expected each seed once, and " + part + " twice");
+    }
+    seeds.push_back(seed);
+  }
+  if (seeds.empty()) throw std::invalid_argument("expected at least one seed");
+  return seeds;
+}
+
+// The name goes into JSON and the database.
+std::string ParseStudyName(const std::string& text) {
+  if (text.empty()) throw std::invalid_argument("expected a name");
+  try {
+    static_cast<void>(results::JsonText(nlohmann::json(text)));
+  } catch (const nlohmann::json::type_error&) {
+    throw Failure(ExitCode::kUsage, "expected a name in UTF-8, found other bytes");
+  }
+  return text;
+}
+
+std::string Trimmed(const std::string& word) {
+  const auto begin = word.find_first_not_of(" \t");
+  if (begin == std::string::npos) return "";
+  return word.substr(begin, word.find_last_not_of(" \t") - begin + 1);
+}
+
+// Begins a message about the setting, which names its key itself.
+std::string WhereOf(const Given& given) { return given.from_file ? given.where : given.Where(); }
+
+Setting ParseSetting(const Given& given) {
+  const auto equals = given.text.find('=');
+  if (equals == std::string::npos || equals == 0 || given.text.find('.') > equals) {
+    throw std::invalid_argument("expected key=value with a key such as planner.k");
+  }
+  return {Trimmed(given.text.substr(0, equals)), Trimmed(given.text.substr(equals + 1)),
+          given.from_file, WhereOf(given)};
+}
+
+}  // namespace
+
+Flag RunArgument(std::string* run) {
+  return {"", "RUN", Text(run).Required(),
+          "the run's number or the beginning of its UUID, from `runner status`"};
+}
+
+Flag DatabaseFlag(std::string* db) { return {"db", "FILE", Text(db), "the results database"}; }
+
+Flag PluginPathFlag(std::vector<std::string>* plugin_path) {
+  return {"plugin-path", "FOLDER", Texts(plugin_path),
+          "search this folder for plugins first; $DREAMSEARCH_PLUGIN_PATH and the runner's own "
+          "folders follow"};
+}
+
+std::vector<Flag> SeedFlags(std::vector<std::uint64_t>* seeds) {
+  return {{"seeds", "N", Parsed(seeds, ParseSeedCount).Default("1"), "run the seeds 0 to N-1"},
+          {"seed-list", "A,B,...", Parsed(seeds, ParseSeedList), "run these seeds"}};
+}
+
+Flag SetFlag(std::vector<Setting>* settings) {
+  return {"set",
+          "KEY=VALUE",
+          {[settings](const Given& given) { settings->push_back(ParseSetting(given)); },
+           FlagValue::Takes::kTexts},
+          "set a parameter: planner.k for every planner that declares k, mcts_pw.k for one, "
+          "model.k, env.k or run.k; `runner describe NAME` lists them"};
+}
+
+FlagValue SettingOf(std::vector<Setting>* settings, const std::string& key) {
+  return {[settings, key](const Given& given) {
+    settings->push_back({key, given.text, given.from_file, WhereOf(given)});
+  }};
+}
+
+FlagValue StudyName(std::string* study) { return Parsed(study, ParseStudyName).Default(*study); }
+
+FlagGroup LimitFlags(ProcessOptions* process) {
+  process->jobs = static_cast<int>(AvailableCores().count);
+  const auto path = [](const std::string& text) { return std::filesystem::path(text); };
+  return {"Where and within which limits",
+          {{"db", "FILE", Parsed(&process->db, path).Default(process->db.string()),
+            "the results database"},
+           PluginPathFlag(&process->plugin_path),
+           {"jobs", "N", Whole(&process->jobs, 1, 10000).Default("the number of cores"),
+            "run this many worker processes at once; a run learns on the cores that no other "
+            "run needs, with the same results"},
+           {"time-limit", "TIME", Duration(&process->time_limit_seconds).Default("0, no limit"),
+            "end a run after this time, in seconds or as 30m or 2h"},
+           {"memory-limit", "SIZE", Size(&process->memory_limit_bytes).Default("0, no limit"),
+            "end a run that uses more memory than this, in bytes or as 512M or 4G"},
+           {"hang-timeout", "TIME", Duration(&process->hang_timeout_seconds).Default("60"),
+            "end a run that makes no progress for this much processor time, in seconds or as 5m, "
+            "times the number of decisions that it makes at once; 0: never"}}};
+}
+
+Flag RetryFlag(ProcessOptions* process) {
+  return {"retry", "", Switch(&process->retry), "run failed, crashed and diverged runs again"};
+}
+
+Flag ReplaceFlag(ProcessOptions* process) {
+  return {"replace", "", Switch(&process->replace),
+          "start an unfinished run over and delete what it recorded if it cannot resume: one of "
+          "its plugins has changed, or none of its checkpoints is usable"};
+}
+
+std::vector<Flag> RecordingFlags(ProcessOptions* process) {
+  return {{"log-decisions", "", Switch(&process->log_decisions),
+           "store a row of search statistics for every decision"},
+          {"record-trees", "", Switch(&process->record_trees),
+           "keep the search trees of training decisions for `runner explain`"}};
+}
+
+Flag DryRunFlag(ProcessOptions* process) {
+  return {"dry-run", "", Switch(&process->dry_run),
+          "show the runs, their settings and an estimate of time and space; run nothing"};
+}
+
+std::string OutputPath(const std::string& out, const std::string& name) {
+  std::error_code error;
+  const bool folder = out.ends_with('/') || std::filesystem::is_directory(out, error);
+  return out.empty() ? name : folder ? (std::filesystem::path(out) / name).string() : out;
+}
+
+}  // namespace dreamsearch
