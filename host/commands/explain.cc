@@ -146,7 +146,7 @@ std::string TreePage(const nlohmann::json& tree) {
 }
 
 struct Explain {
-  std::string run, db = "results/dreamsearch.db", out;
+  std::string run, db = kDefaultDatabase, out;
   std::int64_t episode = 0, decision = 0;
   bool training = false;
   std::vector<std::string> plugin_path;

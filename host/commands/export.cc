@@ -27,7 +27,7 @@ std::string ShapeText(const nlohmann::json& shape) {
 }
 
 struct Export {
-  std::string run, db = "results/dreamsearch.db", out;
+  std::string run, db = kDefaultDatabase, out;
   std::vector<std::string> plugin_path;
 
   CommandSpec Declare() {

@@ -73,8 +73,6 @@ Flag RunArgument(std::string* run) {
           "the run's number or the beginning of its UUID, from `runner status`"};
 }
 
-Flag DatabaseFlag(std::string* db) { return {"db", "FILE", Text(db), "the results database"}; }
-
 Flag PluginPathFlag(std::vector<std::string>* plugin_path) {
   return {"plugin-path", "FOLDER", Texts(plugin_path),
           "search this folder for plugins first; $DREAMSEARCH_PLUGIN_PATH and the runner's own "

@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "host/settings/run_options.h"
+#include "results/command_line/database_flag.h"
 #include "results/command_line/values.h"
 
 namespace dreamsearch {
 
 // RUN, "a run's number or the beginning of its UUID".
 Flag RunArgument(std::string* run);
-Flag DatabaseFlag(std::string* db);
 Flag PluginPathFlag(std::vector<std::string>* plugin_path);
 
 // --seeds and --seed-list; a command that has them lists them as exclusive.

@@ -23,7 +23,7 @@ std::string Label(const results::RunInfo& run, bool with_model) {
 }
 
 struct ShowStatus {
-  std::string db = "results/dreamsearch.db";
+  std::string db = kDefaultDatabase;
 
   CommandSpec Declare() {
     return {.name = "runner status",

@@ -55,8 +55,6 @@ void CheckNames(const std::vector<std::unique_ptr<Database>>& databases, const c
 
 }  // namespace
 
-Flag DatabaseFlag(std::string* db) { return {"db", "FILE", Text(db), "the results database"}; }
-
 FlagGroup SelectionFlags(Selection* selection) {
   FlagGroup group = {
       "Which runs",

@@ -8,13 +8,12 @@
 #include <vector>
 
 #include "results/analysis/run_groups.h"
+#include "results/command_line/database_flag.h"
 #include "results/command_line/values.h"
 #include "results/database/database.h"
 #include "results/system/table.h"
 
 namespace dreamsearch::results {
-
-inline constexpr char kDefaultDatabase[] = "results/dreamsearch.db";
 
 // What --db, --study, --env, --planner, --seed and, where there is one, --status say.
 struct Selection {
@@ -22,8 +21,6 @@ struct Selection {
   RunFilter filter;
 };
 
-// --db for commands that read one database.
-Flag DatabaseFlag(std::string* db);
 // --db, several times or with commas, and --study --env --planner --seed.
 FlagGroup SelectionFlags(Selection* selection);
 // --study --env --planner --seed --status.

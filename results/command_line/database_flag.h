@@ -1,0 +1,16 @@
+// database_flag.h - --db, which most commands of both programs have.
+#pragma once
+
+#include <string>
+
+#include "results/command_line/values.h"
+
+namespace dreamsearch {
+
+inline constexpr char kDefaultDatabase[] = "results/dreamsearch.db";
+
+inline Flag DatabaseFlag(std::string* db) {
+  return {"db", "FILE", Text(db), "the results database"};
+}
+
+}  // namespace dreamsearch
