@@ -56,10 +56,7 @@ template <typename T>
 void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding) {
   actor_group_.Allocate(actor_seed, rounding);
   value_group_.Allocate(value_seed, rounding);
-  if (settings_.slow_critic_weight > 0) {
-    slow_packed_ = std::make_unique<PackedWeights<T>>(value_group_.parts());
-    if (rounding.training) slow_rounded_ = std::make_unique<Bfloat16Weights>(value_group_.parts());
-  }
+  if (settings_.slow_critic_weight > 0) slow_.Allocate(value_group_, rounding.training);
   ResetSlow();
 }
 
@@ -67,22 +64,7 @@ template <typename T>
 void Behaviour<T>::Pack() {
   actor_group_.Pack();
   value_group_.Pack();
-  if (slow_packed_ != nullptr) slow_packed_->Pack(slow_.data());
-  if constexpr (std::is_same_v<T, float>) {
-    if (slow_rounded_ != nullptr) slow_rounded_->Pack(slow_.data());
-  }
-}
-
-template <typename T>
-void Behaviour<T>::ResetSlow() {
-  slow_.reserve(static_cast<std::size_t>(value_group_.size() + kBiasOverrun));
-  slow_.assign(value_group_.values(), value_group_.values() + value_group_.size());
-}
-
-template <typename T>
-void Behaviour<T>::UpdateSlow() {
-  MoveTowards(value_group_.values(), static_cast<T>(settings_.slow_critic_rate),
-              value_group_.size(), slow_.data());
+  slow_.Pack();
 }
 
 template <typename T>
@@ -313,9 +295,7 @@ void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
   const Mat<T> slow = lane->slow_outputs.Shape(1, n);
   if (slow_weight > 0) {
     value_.Reserve(n, &lane->slow_tape);
-    const Weights<T> weights_of_slow{slow_.data(), slow_packed_.get(), slow_rounded_.get(),
-                                     &lane->rounded_scratch};
-    value_.Forward(weights_of_slow, states, 0, &lane->slow_tape, slow);
+    value_.Forward(slow_.weights(&lane->rounded_scratch), states, 0, &lane->slow_tape, slow);
   }
   const Mat<T> d_outputs = left(lane->d_values, 1);
   for (Index j = 0; j < n; ++j) {

@@ -17,12 +17,12 @@
 #pragma once
 
 #include <array>
-#include <memory>
 #include <vector>
 
 #include "plugins/model_dreamer/settings.h"
 #include "plugins/model_dreamer/world_model.h"
 #include "plugins/networks/layers.h"
+#include "plugins/networks/learning.h"
 #include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {
@@ -110,10 +110,10 @@ class Behaviour {
   const ParameterGroup<T>& value() const { return value_group_; }
 
   // The slow critic's parameters, as many as value().
-  std::vector<T>& slow() { return slow_; }
-  const std::vector<T>& slow() const { return slow_; }
-  void ResetSlow();
-  void UpdateSlow();
+  std::vector<T>& slow() { return slow_.values(); }
+  const std::vector<T>& slow() const { return slow_.values(); }
+  void ResetSlow() { slow_.Reset(value_group_); }
+  void UpdateSlow() { slow_.Follow(value_group_, settings_.slow_critic_rate); }
 
   // Makes both groups' parameters; see ParameterGroup::Allocate.
   void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding);
@@ -159,9 +159,7 @@ class Behaviour {
   ParameterGroup<T> actor_group_{"actor"};
   ParameterGroup<T> value_group_{"value"};
   Mlp actor_, value_;
-  std::vector<T> slow_;
-  std::unique_ptr<PackedWeights<T>> slow_packed_;
-  std::unique_ptr<Bfloat16Weights> slow_rounded_;
+  SlowCopy<T> slow_;
   std::vector<T> returns_;
 
   DreamInput<T> input_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 
 #include "dreamsearch/random.h"
 #include "plugins/networks/noise.h"
@@ -23,72 +22,6 @@ enum Stream : std::uint64_t {
 
 constexpr std::uint64_t kSavedMagic = 0x32726d7264736400ull;
 
-// A number for the names and shapes of all tensors (FNV-1a).
-template <typename T>
-std::uint64_t ArchitectureOf(std::initializer_list<const ParameterGroup<T>*> groups) {
-  std::uint64_t hash = 0xcbf29ce484222325ull;
-  const auto add = [&hash](std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3ull; };
-  for (const ParameterGroup<T>* group : groups) {
-    for (const Tensor& tensor : group->tensors()) {
-      for (const char c : tensor.name) add(static_cast<unsigned char>(c));
-      add(static_cast<std::uint64_t>(tensor.rows));
-      add(static_cast<std::uint64_t>(tensor.cols));
-    }
-  }
-  return hash;
-}
-
-// Of the observations standardised by `s`; the deviation has a floor.
-double InverseDeviation(const ObservationStatistics& s, std::size_t i, double floor) {
-  return 1.0 / std::max(std::sqrt(s.variance[i]), floor);
-}
-
-template <typename T, typename S>
-void StandardiseBy(const ObservationStatistics& statistics, const Settings& settings,
-                   const S* observations, Mat<T> x) {
-  const bool active = settings.normalise_observations && statistics.batches > 0;
-  for (Index i = 0; i < x.rows; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const double mean = active ? statistics.mean[k] : 0;
-    const double inverse = active ? InverseDeviation(statistics, k, settings.observation_floor) : 1;
-    const double clip = settings.observation_clip;
-    for (Index j = 0; j < x.cols; ++j) {
-      double value = (static_cast<double>(observations[j * x.rows + i]) - mean) * inverse;
-      // Comparisons that leave NaN as it is.
-      if (active && value > clip) value = clip;
-      if (active && value < -clip) value = -clip;
-      x(i, j) = static_cast<T>(value);
-    }
-  }
-}
-
-// The value at the given fraction of the sorted order, between two linearly.
-template <typename T>
-double Percentile(std::vector<T>* values, double fraction) {
-  const double position = fraction * static_cast<double>(values->size() - 1);
-  const auto low = static_cast<std::ptrdiff_t>(position);
-  std::nth_element(values->begin(), values->begin() + low, values->end());
-  const auto below = static_cast<double>((*values)[static_cast<std::size_t>(low)]);
-  if (static_cast<std::size_t>(low) + 1 >= values->size()) return below;
-  const auto above =
-      static_cast<double>(*std::min_element(values->begin() + low + 1, values->end()));
-  return below + (position - static_cast<double>(low)) * (above - below);
-}
-
-template <typename T>
-double Norm(const ParameterGroup<T>& group) {
-  return std::sqrt(SumOfSquares(group.gradient(), group.size()));
-}
-
-template <typename T>
-Status WriteArray(ByteSink* sink, const T* values, Index count) {
-  return sink->Write(values, static_cast<std::uint64_t>(count) * sizeof(T));
-}
-template <typename T>
-Status ReadArray(ByteSource* source, T* values, Index count) {
-  return source->Read(values, static_cast<std::uint64_t>(count) * sizeof(T));
-}
-
 }  // namespace
 
 template <typename T>
@@ -98,7 +31,9 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
       o_(observation_size),
       a_(action_size),
       world_(settings, observation_size, action_size),
-      behaviour_(settings, action_size) {
+      behaviour_(settings, action_size),
+      statistics_(observation_size),
+      next_statistics_(observation_size) {
   Rounding rounding;
   if (std::is_same_v<T, float> && Bfloat16Available()) {
     rounding = {settings.bfloat16, settings.bfloat16_planning};
@@ -107,9 +42,6 @@ Learner<T>::Learner(const Settings& settings, Index observation_size, Index acti
   behaviour_.Allocate(DeriveSeed(seed, kActorParameters), DeriveSeed(seed, kValueParameters),
                       rounding);
   PackWeights();
-  statistics_.mean.assign(static_cast<std::size_t>(o_), 0.0);
-  statistics_.variance.assign(static_cast<std::size_t>(o_), 1.0);
-  next_statistics_ = statistics_;
 }
 
 template <typename T>
@@ -119,33 +51,9 @@ void Learner<T>::SetThreads(Index threads) noexcept {
 }
 
 template <typename T>
-template <typename S>
-void Learner<T>::Standardise(const S* observations, Mat<T> x) const {
-  StandardiseBy(statistics_, settings_, observations, x);
-}
-
-template <typename T>
 Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
-  const std::uint64_t rows = batch.sequences * batch.length;
-  const auto o = static_cast<std::uint64_t>(o_);
-  const auto a = static_cast<std::uint64_t>(a_);
-  if (rows == 0 || batch.observations.rows != rows || batch.observations.cols != o ||
-      batch.actions.rows != rows || batch.actions.cols != a || batch.rewards.size != rows ||
-      batch.discounts.size != rows || batch.is_first.size != rows) {
-    return Error(StatusCode::kInvalidArgument,
-                 "a batch of %llu sequences of %llu steps with %llu observations and %llu actions "
-                 "expected; found views of %llu x %llu, %llu x %llu, %llu, %llu and %llu",
-                 static_cast<unsigned long long>(batch.sequences),
-                 static_cast<unsigned long long>(batch.length), static_cast<unsigned long long>(o),
-                 static_cast<unsigned long long>(a),
-                 static_cast<unsigned long long>(batch.observations.rows),
-                 static_cast<unsigned long long>(batch.observations.cols),
-                 static_cast<unsigned long long>(batch.actions.rows),
-                 static_cast<unsigned long long>(batch.actions.cols),
-                 static_cast<unsigned long long>(batch.rewards.size),
-                 static_cast<unsigned long long>(batch.discounts.size),
-                 static_cast<unsigned long long>(batch.is_first.size));
-  }
+  const Status status = CheckSequences(batch, o_, a_);
+  if (!status.ok()) return status;
   const auto count = static_cast<Index>(batch.sequences);
   const auto length = static_cast<Index>(batch.length);
   const Index n = count * length;
@@ -159,23 +67,7 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   }
 
   // The statistics with this batch; they become the current ones in Apply.
-  next_statistics_.batches = statistics_.batches + 1;
-  const double rate = 1.0 / static_cast<double>(next_statistics_.batches);
-  for (Index i = 0; i < o_; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    double sum = 0;
-    for (Index j = 0; j < n; ++j) sum += static_cast<double>(batch.observations.data[j * o_ + i]);
-    const double mean = sum / static_cast<double>(n);
-    double squares = 0;
-    for (Index j = 0; j < n; ++j) {
-      const double d = static_cast<double>(batch.observations.data[j * o_ + i]) - mean;
-      squares += d * d;
-    }
-    const double shift = mean - statistics_.mean[k];
-    next_statistics_.mean[k] = statistics_.mean[k] + rate * shift;
-    next_statistics_.variance[k] = (1 - rate) * (statistics_.variance[k] + rate * shift * shift) +
-                                   rate * squares / static_cast<double>(n);
-  }
+  next_statistics_.Include(statistics_, batch.observations);
 
   // Batch-major rows become time-major columns.
   const Mat<T> observations = observations_.Shape(o_, n);
@@ -186,8 +78,8 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
     for (Index t = 0; t < length; ++t) {
       const Index row = b * length + t;
       const Index column = t * count + b;
-      StandardiseBy(next_statistics_, settings_, batch.observations.data + row * o_,
-                    observations.Cols(column, 1));
+      Standardise(next_statistics_, standardisation(), batch.observations.data + row * o_,
+                  observations.Cols(column, 1));
       for (Index i = 0; i < a_; ++i) {
         actions(i, column) = static_cast<T>(batch.actions.data[row * a_ + i]);
       }
@@ -245,7 +137,7 @@ void Learner<T>::FitGradients(UpdateLosses* losses) {
   world_.group().ClearGradient();
   world_.Unroll(batch_, &states_known_);
   world_.Fit(batch_, &losses->fit);
-  losses->model_gradient_norm = Norm(world_.group());
+  losses->model_gradient_norm = GradientNorm(world_.group());
 }
 
 template <typename T>
@@ -264,7 +156,7 @@ Index Learner<T>::BeginDream(const DreamStops<T>* stops) {
   input.known = &states_known_;
   input.latent_noise = latent_noise_.Shape(settings_.stochastic, count * settings_.horizon);
   input.action_noise = action_noise_.Shape(a_, count * settings_.horizon);
-  input.return_scale = settings_.percentile_return_scale ? std::max(1.0, return_scale_) : 1.0;
+  input.return_scale = settings_.percentile_return_scale ? return_scale_.divisor() : 1.0;
   input.stops = stops;
   lanes_ = behaviour_.BeginDream(input);
   return 2 * lanes_ + 2;
@@ -279,11 +171,11 @@ void Learner<T>::DreamTask(Index task, UpdateLosses* losses) {
   } else if (task == 2 * lanes_) {
     behaviour_.actor().ClearGradient();
     behaviour_.AddActorGradients();
-    losses->actor_gradient_norm = Norm(behaviour_.actor());
+    losses->actor_gradient_norm = GradientNorm(behaviour_.actor());
   } else {
     behaviour_.value().ClearGradient();
     behaviour_.AddValueGradients();
-    losses->value_gradient_norm = Norm(behaviour_.value());
+    losses->value_gradient_norm = GradientNorm(behaviour_.value());
   }
 }
 
@@ -314,16 +206,10 @@ Status Learner<T>::CheckFinite(const UpdateLosses& losses, std::uint64_t update)
 template <typename T>
 void Learner<T>::Apply(const UpdateLosses& losses) {
   ++updates_;
+  const AdamSettings adam{settings_.adam_beta1, settings_.adam_beta2, settings_.adam_epsilon,
+                          settings_.gradient_clip};
   const auto step = [&](ParameterGroup<T>& group, double rate, double norm) {
-    AdamStep adam;
-    adam.learning_rate = rate;
-    adam.beta1 = settings_.adam_beta1;
-    adam.beta2 = settings_.adam_beta2;
-    adam.epsilon = settings_.adam_epsilon;
-    adam.factor = norm > settings_.gradient_clip ? settings_.gradient_clip / norm : 1.0;
-    adam.rate1 = 1 / (1 - std::pow(adam.beta1, static_cast<double>(updates_)));
-    adam.rate2 = 1 / (1 - std::pow(adam.beta2, static_cast<double>(updates_)));
-    ApplyAdam(adam, group.size(), group.gradient(), group.first(), group.second(), group.values());
+    MoveGroup(adam, rate, norm, updates_, &group);
   };
   threads_.Run(2, [&](Index task) {
     if (task == 0) {
@@ -338,11 +224,7 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
   });
   if (settings_.percentile_return_scale) {
     returns_copy_.assign(behaviour_.returns().begin(), behaviour_.returns().end());
-    const double low = Percentile(&returns_copy_, 0.05);
-    const double range = Percentile(&returns_copy_, 0.95) - low;
-    return_scale_ = updates_ == 1
-                        ? range
-                        : return_scale_ + settings_.return_scale_rate * (range - return_scale_);
+    return_scale_.Include(&returns_copy_, settings_.return_scale_rate, updates_ == 1);
   }
   std::swap(statistics_, next_statistics_);
 }
@@ -365,114 +247,45 @@ Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
 }
 
 template <typename T>
-std::uint64_t Learner<T>::Architecture() const {
-  return ArchitectureOf<T>({&world_.group(), &behaviour_.actor(), &behaviour_.value()});
+SavedHeader<T> Learner<T>::Header() const {
+  return {kSavedMagic, o_, a_, {&world_.group(), &behaviour_.actor(), &behaviour_.value()}};
 }
 
 template <typename T>
 Status Learner<T>::Save(ByteSink* sink) const {
-  const std::uint64_t header[] = {kSavedMagic,
-                                  sizeof(T),
-                                  static_cast<std::uint64_t>(o_),
-                                  static_cast<std::uint64_t>(a_),
-                                  static_cast<std::uint64_t>(world_.group().size()),
-                                  static_cast<std::uint64_t>(behaviour_.actor().size()),
-                                  static_cast<std::uint64_t>(behaviour_.value().size()),
-                                  Architecture(),
-                                  updates_,
-                                  statistics_.batches};
-  Status status = sink->Write(header, sizeof header);
-  if (status.ok()) status = WriteValue(sink, return_scale_);
-  if (status.ok()) status = WriteArray(sink, statistics_.mean.data(), o_);
-  if (status.ok()) status = WriteArray(sink, statistics_.variance.data(), o_);
-  for (const ParameterGroup<T>* group :
-       {&world_.group(), &behaviour_.actor(), &behaviour_.value()}) {
-    if (status.ok()) status = WriteArray(sink, group->values(), group->size());
-    if (status.ok()) status = WriteArray(sink, group->first(), group->size());
-    if (status.ok()) status = WriteArray(sink, group->second(), group->size());
-  }
-  if (status.ok()) {
-    status = WriteArray(sink, behaviour_.slow().data(), behaviour_.value().size());
-  }
+  const SavedHeader<T> header = Header();
+  Status status = header.Write(sink);
+  if (status.ok()) status = WriteValue(sink, updates_);
+  if (status.ok()) status = WriteValue(sink, statistics_.batches);
+  if (status.ok()) status = WriteValue(sink, return_scale_.range);
+  if (status.ok()) status = statistics_.Write(sink);
+  if (status.ok()) status = WriteGroups(sink, header.groups);
+  if (status.ok()) status = WriteArray(sink, behaviour_.slow().data(), behaviour_.value().size());
   return status;
 }
 
 template <typename T>
 Status Learner<T>::Load(ByteSource* source) {
-  std::uint64_t header[10] = {};
-  Status status = source->Read(header, sizeof header);
-  if (!status.ok()) return status;
-  const std::uint64_t expected[] = {kSavedMagic,
-                                    sizeof(T),
-                                    static_cast<std::uint64_t>(o_),
-                                    static_cast<std::uint64_t>(a_),
-                                    static_cast<std::uint64_t>(world_.group().size()),
-                                    static_cast<std::uint64_t>(behaviour_.actor().size()),
-                                    static_cast<std::uint64_t>(behaviour_.value().size()),
-                                    Architecture()};
-  const char* const names[] = {"mark",        "bytes a number",   "observation size",
-                               "action size", "world model size", "actor size",
-                               "value size",  "architecture"};
-  for (std::size_t i = 0; i < sizeof expected / sizeof *expected; ++i) {
-    if (header[i] == expected[i]) continue;
-    return Error(StatusCode::kDataLoss, "saved dreamer: %s %llu expected, %llu found", names[i],
-                 static_cast<unsigned long long>(expected[i]),
-                 static_cast<unsigned long long>(header[i]));
-  }
-  updates_ = header[8];
-  statistics_.batches = header[9];
-  status = ReadValue(source, &return_scale_);
-  if (status.ok()) status = ReadArray(source, statistics_.mean.data(), o_);
-  if (status.ok()) status = ReadArray(source, statistics_.variance.data(), o_);
-  for (ParameterGroup<T>* group : {&world_.group(), &behaviour_.actor(), &behaviour_.value()}) {
-    if (status.ok()) status = ReadArray(source, group->values(), group->size());
-    if (status.ok()) status = ReadArray(source, group->first(), group->size());
-    if (status.ok()) status = ReadArray(source, group->second(), group->size());
-  }
+  Status status = Header().Read("dreamer", source);
+  if (status.ok()) status = ReadValue(source, &updates_);
+  if (status.ok()) status = ReadValue(source, &statistics_.batches);
+  if (status.ok()) status = ReadValue(source, &return_scale_.range);
+  if (status.ok()) status = statistics_.Read(source);
   if (status.ok()) {
-    status = ReadArray(source, behaviour_.slow().data(), behaviour_.value().size());
+    status = ReadGroups<T>(source, {&world_.group(), &behaviour_.actor(), &behaviour_.value()});
   }
+  if (status.ok()) status = ReadArray(source, behaviour_.slow().data(), behaviour_.value().size());
   PackWeights();
   return status;
 }
 
 template <typename T>
 Status Learner<T>::Export(TensorSink* sink) const {
-  std::vector<float> rows;
-  for (const ParameterGroup<T>* group :
-       {&world_.group(), &behaviour_.actor(), &behaviour_.value()}) {
-    for (const Tensor& tensor : group->tensors()) {
-      rows.resize(static_cast<std::size_t>(tensor.rows * tensor.cols));
-      const Mat<const T> values(group->values() + tensor.offset, tensor.rows, tensor.cols);
-      for (Index i = 0; i < tensor.rows; ++i) {
-        for (Index j = 0; j < tensor.cols; ++j) {
-          rows[static_cast<std::size_t>(i * tensor.cols + j)] = static_cast<float>(values(i, j));
-        }
-      }
-      const std::uint64_t shape[] = {static_cast<std::uint64_t>(tensor.rows),
-                                     static_cast<std::uint64_t>(tensor.cols)};
-      const bool vector = tensor.cols == 1 && !tensor.name.ends_with(".weight");
-      const Status status =
-          sink->Tensor(tensor.name.c_str(), {shape, vector ? 1u : 2u}, {rows.data(), rows.size()});
-      if (!status.ok()) return status;
-    }
-  }
-  std::vector<float> statistics(static_cast<std::size_t>(o_));
-  const std::uint64_t shape[] = {static_cast<std::uint64_t>(o_)};
-  std::copy(statistics_.mean.begin(), statistics_.mean.end(), statistics.begin());
-  Status status = sink->Tensor("observation_statistics.mean", {shape, 1},
-                               {statistics.data(), statistics.size()});
-  if (!status.ok()) return status;
-  std::copy(statistics_.variance.begin(), statistics_.variance.end(), statistics.begin());
-  return sink->Tensor("observation_statistics.variance", {shape, 1},
-                      {statistics.data(), statistics.size()});
+  const Status status = ExportGroups(sink, Header().groups);
+  return status.ok() ? statistics_.Export(sink) : status;
 }
 
-#define DREAMER_INSTANTIATE(T) \
-  template class Learner<T>;   \
-  template void Learner<T>::Standardise<double>(const double*, Mat<T>) const;
-DREAMER_INSTANTIATE(float)
-DREAMER_INSTANTIATE(double)
-#undef DREAMER_INSTANTIATE
+template class Learner<float>;
+template class Learner<double>;
 
 }  // namespace dreamsearch::dreamer

@@ -13,17 +13,10 @@
 #include "plugins/model_dreamer/behaviour.h"
 #include "plugins/model_dreamer/settings.h"
 #include "plugins/model_dreamer/world_model.h"
+#include "plugins/networks/learning.h"
 #include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {
-
-// Running mean and variance of each observation component over the training
-// batches: the n-th batch counts 1/n. Kept in double.
-struct ObservationStatistics {
-  std::uint64_t batches = 0;
-  std::vector<double> mean;      // [O]
-  std::vector<double> variance;  // [O]
-};
 
 struct UpdateLosses {
   FitLosses fit;
@@ -70,10 +63,11 @@ class Learner {
   // Lays the weights out for products; after parameters were changed from outside.
   void PackWeights();
 
-  // x = clip((o - mean) / max(deviation, floor)), or o itself. observations: [n,
-  // O] row-major, x: [O, n].
+  // Of observations by the statistics so far. observations: [n, O] row-major, x: [O, n].
   template <typename S>
-  void Standardise(const S* observations, Mat<T> x) const;
+  void StandardiseNow(const S* observations, Mat<T> x) const {
+    Standardise(statistics_, standardisation(), observations, x);
+  }
 
   Status Save(ByteSink* sink) const;
   Status Load(ByteSource* source);
@@ -81,8 +75,11 @@ class Learner {
   Status Export(TensorSink* sink) const;
 
  private:
-  // Of the saved state: names and shapes of all tensors, as a number.
-  std::uint64_t Architecture() const;
+  SavedHeader<T> Header() const;
+  Standardisation standardisation() const {
+    return {settings_.normalise_observations, settings_.observation_floor,
+            settings_.observation_clip};
+  }
   // Shares the dream out and returns the number of its tasks, which are to be begun in
   // order. They follow the posterior as it unrolls and leave the gradients and their norms.
   Index BeginDream(const DreamStops<T>* stops);
@@ -94,7 +91,7 @@ class Learner {
   WorldModel<T> world_;
   Behaviour<T> behaviour_;
   std::uint64_t updates_ = 0;
-  double return_scale_ = 0;  // the moving average; 0 before the first update
+  PercentileScale return_scale_;
   ObservationStatistics statistics_;
 
   // The batch being learned from.

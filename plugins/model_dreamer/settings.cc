@@ -1,6 +1,5 @@
 #include "plugins/model_dreamer/settings.h"
 
-#include <cstring>
 #include <vector>
 
 namespace dreamsearch::dreamer {
@@ -209,17 +208,8 @@ View<const ParameterSpec> DeclaredParameters() {
   return {kParameters, sizeof kParameters / sizeof *kParameters};
 }
 
-ParameterValue ValueUnder(const ParameterSpec& spec, const char* preset) {
-  for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
-    const PresetValue& value = spec.presets[i];
-    if (std::strcmp(value.preset, preset) == 0) return {spec.name, value.number, value.choice};
-  }
-  return {spec.name, spec.default_number, spec.default_choice};
-}
-
 Settings PresetSettings(const char* preset) {
-  std::vector<ParameterValue> values;
-  for (const ParameterSpec& spec : DeclaredParameters()) values.push_back(ValueUnder(spec, preset));
+  const std::vector<ParameterValue> values = ValuesUnder(DeclaredParameters(), preset);
   return SettingsFrom({{values.data(), values.size()}}, false);
 }
 

@@ -7,6 +7,7 @@
 
 #include "dreamsearch/parameter.h"
 #include "plugins/networks/matrix.h"
+#include "plugins/networks/presets.h"
 
 namespace dreamsearch::dreamer {
 
@@ -82,9 +83,6 @@ View<const ParameterSpec> DeclaredParameters();
 
 // The resolved values of a model of a task that has terminal states or has none.
 Settings SettingsFrom(const Parameters& parameters, bool terminates);
-
-// A parameter's value under a preset; its default if it declares none for it.
-ParameterValue ValueUnder(const ParameterSpec& spec, const char* preset);
 
 // The values of a preset, "fast" or "paper", for a task without terminal states.
 Settings PresetSettings(const char* preset);

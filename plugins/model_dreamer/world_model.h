@@ -123,7 +123,7 @@ class WorldModel {
   Index o_, a_, z_, d_, u_;
   T min_std_;
 
-  ParameterGroup<T> group_{"model"};
+  ParameterGroup<T> group_{"world model"};
   Mlp encoder_;
   Affine recur_;
   Activation recur_activation_;

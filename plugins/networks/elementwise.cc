@@ -22,12 +22,13 @@
   KERNEL(void, AddColumnSums, (In<T> d, T * sum), (d, sum))                                        \
   KERNEL(void, Elu, (Mat<T> x), (x))                                                               \
   KERNEL(void, EluBackward, (In<T> y, Mat<T> d), (y, d))                                           \
-  KERNEL(void, LayerNormElu,                                                                       \
-         (const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse),                  \
-         (scale, shift, x, unit, inverse))                                                         \
-  KERNEL(void, LayerNormEluBackward,                                                               \
-         (const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale, T* d_shift),   \
-         (scale, unit, inverse, y, d, d_scale, d_shift))                                           \
+  KERNEL(void, LayerNorm,                                                                          \
+         (AfterNorm after, const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse), \
+         (after, scale, shift, x, unit, inverse))                                                  \
+  KERNEL(void, LayerNormBackward,                                                                  \
+         (AfterNorm after, const T* scale, const T* shift, In<T> unit, In<T> inverse, In<T> y,     \
+          Mat<T> d, T* d_scale, T* d_shift),                                                       \
+         (after, scale, shift, unit, inverse, y, d, d_scale, d_shift))                             \
   KERNEL(void, GruForward,                                                                         \
          (In<T> input, In<T> recurrent, In<T> previous, Mat<T> gates, Mat<T> next),                \
          (input, recurrent, previous, gates, next))                                                \
@@ -152,8 +153,26 @@ void EluBackward(In<T> y, Mat<T> d) {
   });
 }
 
+// What follows a layer normalisation: the output from scale * unit + shift, and its slope
+// there, for which the output may serve.
 template <typename T>
-void LayerNormElu(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse) {
+struct EluAfter {
+  static HWY_INLINE Vector<T> Of(Vector<T> x) { return EluOf<T>(x); }
+  static HWY_INLINE Vector<T> Slope(Vector<T>, Vector<T> y) { return EluSlope<T>(y); }
+};
+template <typename T>
+struct MishAfter {
+  static HWY_INLINE Vector<T> Of(Vector<T> x) { return MishOf<T>(x); }
+  static HWY_INLINE Vector<T> Slope(Vector<T> x, Vector<T>) { return MishSlope<T>(x); }
+};
+template <typename T>
+struct NothingAfter {
+  static HWY_INLINE Vector<T> Of(Vector<T> x) { return x; }
+  static HWY_INLINE Vector<T> Slope(Vector<T>, Vector<T>) { return Constant<T>(1); }
+};
+
+template <typename T, class After>
+HWY_INLINE void Normalise(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse) {
   const T count = static_cast<T>(x.rows);
   const Index full = x.rows / kLanes<T> * kLanes<T>;
   for (Index j = 0; j < x.cols; ++j) {
@@ -177,14 +196,14 @@ void LayerNormElu(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> 
       const Index n = x.rows - i;
       const Vector<T> u = hn::Mul(hn::Sub(Load(column + i, n), means), factor);
       Store<T>(u, normalised + i, n);
-      Store<T>(EluOf<T>(hn::MulAdd(Load(scale + i, n), u, Load(shift + i, n))), column + i, n);
+      Store<T>(After::Of(hn::MulAdd(Load(scale + i, n), u, Load(shift + i, n))), column + i, n);
     }
   }
 }
 
-template <typename T>
-void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale,
-                          T* d_shift) {
+template <typename T, class After>
+HWY_INLINE void NormaliseBackward(const T* scale, const T* shift, In<T> unit, In<T> inverse,
+                                  In<T> y, Mat<T> d, T* d_scale, T* d_shift) {
   const T count = static_cast<T>(d.rows);
   for (Index j = 0; j < d.cols; ++j) {
     T* column = d.col(j);
@@ -194,9 +213,11 @@ void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Ma
     Vector<T> along = Constant<T>(0);
     for (Index i = 0; i < d.rows; i += kLanes<T>) {
       const Index n = d.rows - i;
-      const Vector<T> raw = hn::Mul(Load(column + i, n), EluSlope<T>(Load(output + i, n)));
       const Vector<T> normalised = Load(u + i, n);
-      const Vector<T> g = hn::Mul(raw, Load(scale + i, n));
+      const Vector<T> factor = Load(scale + i, n);
+      const Vector<T> x = hn::MulAdd(factor, normalised, Load(shift + i, n));
+      const Vector<T> raw = hn::Mul(Load(column + i, n), After::Slope(x, Load(output + i, n)));
+      const Vector<T> g = hn::Mul(raw, factor);
       Store<T>(g, column + i, n);
       sum = hn::Add(sum, g);
       along = hn::MulAdd(g, normalised, along);
@@ -213,6 +234,34 @@ void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Ma
       const Vector<T> centred = hn::Sub(Load(column + i, n), mean);
       Store<T>(hn::Mul(hn::NegMulAdd(Load(u + i, n), projection, centred), factor), column + i, n);
     }
+  }
+}
+
+template <typename T>
+void LayerNorm(AfterNorm after, const T* scale, const T* shift, Mat<T> x, Mat<T> unit,
+               Mat<T> inverse) {
+  switch (after) {
+    case AfterNorm::kNothing:
+      return Normalise<T, NothingAfter<T>>(scale, shift, x, unit, inverse);
+    case AfterNorm::kElu:
+      return Normalise<T, EluAfter<T>>(scale, shift, x, unit, inverse);
+    case AfterNorm::kMish:
+      return Normalise<T, MishAfter<T>>(scale, shift, x, unit, inverse);
+  }
+}
+
+template <typename T>
+void LayerNormBackward(AfterNorm after, const T* scale, const T* shift, In<T> unit, In<T> inverse,
+                       In<T> y, Mat<T> d, T* d_scale, T* d_shift) {
+  switch (after) {
+    case AfterNorm::kNothing:
+      return NormaliseBackward<T, NothingAfter<T>>(scale, shift, unit, inverse, y, d, d_scale,
+                                                   d_shift);
+    case AfterNorm::kElu:
+      return NormaliseBackward<T, EluAfter<T>>(scale, shift, unit, inverse, y, d, d_scale, d_shift);
+    case AfterNorm::kMish:
+      return NormaliseBackward<T, MishAfter<T>>(scale, shift, unit, inverse, y, d, d_scale,
+                                                d_shift);
   }
 }
 
@@ -397,15 +446,21 @@ void ActorForward(In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squash
     }
   }
   const Tag<T> d;
-  const Vector<T> limit = Constant<T>(shape.mean_limit);
+  const Vector<T> limit = Constant<T>(shape.bounds_log_std() ? 1 : shape.mean_limit);
   const Vector<T> offset = Constant<T>(shape.std_offset);
   const Vector<T> least = Constant<T>(shape.min_std);
+  const Vector<T> middle = Constant<T>(0.5 * (shape.max_log_std + shape.min_log_std));
+  const Vector<T> reach = Constant<T>(shape.log_std_reach());
   const Index total = action.size();
   if (entropy) SetZero(entropy);
   for (Index i = 0; i < total; i += kLanes<T>) {
     const Index n = total - i;
-    const Vector<T> t = Tanh(hn::Div(Load(squashed.data + i, n), limit));
-    const Vector<T> s = hn::Add(Softplus<T>(hn::Add(Load(std.data + i, n), offset)), least);
+    const Vector<T> m = Load(squashed.data + i, n);
+    const Vector<T> c = Load(std.data + i, n);
+    // With bounds on ln std the mean has none.
+    const Vector<T> t = shape.bounds_log_std() ? m : Tanh(hn::Div(m, limit));
+    const Vector<T> s = shape.bounds_log_std() ? Exp(hn::MulAdd(reach, Tanh(c), middle))
+                                               : hn::Add(Softplus<T>(hn::Add(c, offset)), least);
     Store<T>(t, squashed.data + i, n);
     Store<T>(s, std.data + i, n);
     if (!noise) {
@@ -435,15 +490,24 @@ void ActorBackward(In<T> squashed, In<T> std, In<T> action, In<T> noise, const A
                    In<T> d_action, In<T> entropy_weight, Mat<T> d_raw) {
   const Index a = action.rows;
   const T min_std = static_cast<T>(shape.min_std);
+  const T reach = static_cast<T>(shape.log_std_reach());
+  const T middle = static_cast<T>(0.5 * (shape.max_log_std + shape.min_log_std));
   for (Index j = 0; j < action.cols; ++j) {
     const T weight = entropy_weight(0, j);
     for (Index i = 0; i < a; ++i) {
       const T y = action(i, j);
       const T du = d_action(i, j) * (T(1) - y * y) - T(2) * weight * y;
       const T t = squashed(i, j);
-      d_raw(i, j) = du * (T(1) - t * t);
-      d_raw(a + i, j) =
-          (du * noise(i, j) + weight / std(i, j)) * (T(1) - std::exp(min_std - std(i, j)));
+      const T s = std(i, j);
+      const T d_std = du * noise(i, j) + weight / s;
+      if (shape.bounds_log_std()) {
+        const T bounded = (std::log(s) - middle) / reach;  // tanh(c)
+        d_raw(i, j) = du;
+        d_raw(a + i, j) = d_std * s * reach * (T(1) - bounded * bounded);
+      } else {
+        d_raw(i, j) = du * (T(1) - t * t);
+        d_raw(a + i, j) = d_std * (T(1) - std::exp(min_std - s));
+      }
     }
   }
 }

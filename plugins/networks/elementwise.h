@@ -34,17 +34,20 @@ void Elu(Mat<T> x);
 template <typename T>
 void EluBackward(In<T> y, Mat<T> d);
 
-// elu of layer normalisation (Ba, Kiros, Hinton 2016), in place: x becomes
-// elu(scale * unit + shift), unit = (x - mean) / sqrt(variance + 1e-5) over the rows.
-// unit: as x; inverse: [1, n], 1 / sqrt(variance + 1e-5).
+// f of layer normalisation (Ba, Kiros, Hinton 2016), in place: x becomes
+// f(scale * unit + shift), unit = (x - mean) / sqrt(variance + 1e-5) over the rows.
+// unit: as x; inverse: [1, n], 1 / sqrt(variance + 1e-5). f is the identity, elu, or
+// mish(x) = x tanh(ln(1 + exp(x))) (Misra 2020).
+enum class AfterNorm { kNothing, kElu, kMish };
 template <typename T>
-void LayerNormElu(const T* scale, const T* shift, Mat<T> x, Mat<T> unit, Mat<T> inverse);
+void LayerNorm(AfterNorm after, const T* scale, const T* shift, Mat<T> x, Mat<T> unit,
+               Mat<T> inverse);
 
 // d, the gradient of the output y, becomes that of the input, in place; d_scale and
 // d_shift are added to, unless null.
 template <typename T>
-void LayerNormEluBackward(const T* scale, In<T> unit, In<T> inverse, In<T> y, Mat<T> d, T* d_scale,
-                          T* d_shift);
+void LayerNormBackward(AfterNorm after, const T* scale, const T* shift, In<T> unit, In<T> inverse,
+                       In<T> y, Mat<T> d, T* d_scale, T* d_shift);
 
 // The gates of a GRU cell in torch's form: with (i_r, i_u, i_n) = input and
 // (h_r, h_u, h_n) = recurrent, both [3D, n],
@@ -97,14 +100,20 @@ void Sigmoid(In<T> x, Mat<T> y);
 
 // The actor's distribution: from raw = (m, c), A rows each,
 //   mean = limit * tanh(m / limit)   std = softplus(c + offset) + min_std
-//   action = tanh(mean + std * noise)
+// or, with bounds on ln std,
+//   mean = m   ln std = min_log_std + (max_log_std - min_log_std) (tanh(c) + 1) / 2
+// and then action = tanh(mean + std * noise).
 struct ActorShape {
   double mean_limit = 5;
   double std_offset = 0;
   double min_std = 1e-4;
+  double min_log_std = 0;  // both 0: no such bounds
+  double max_log_std = 0;
+  bool bounds_log_std() const { return min_log_std < max_log_std; }
+  double log_std_reach() const { return 0.5 * (max_log_std - min_log_std); }
 };
 
-// squashed = tanh(m / limit), std, action: [A, n], dense. noise: [A, n]; empty
+// squashed = tanh(m / limit) or m, std, action: [A, n], dense. noise: [A, n]; empty
 // for the mode, tanh(mean). entropy: [1, n], receives - ln p(action) of the density
 // of the squashed action; may be empty.
 template <typename T>

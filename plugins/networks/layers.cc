@@ -55,6 +55,9 @@ void Initialise(const Tensor& tensor, std::uint64_t seed, T* values) {
           case Initial::kGlorotHundredth:
             value = random.Uniform(-limit, limit);
             break;
+          case Initial::kNormalFiftieth:
+            value = 0.02 * random.Normal();
+            break;
           case Initial::kOrthogonal:
             value = orthonormal[static_cast<std::size_t>(i * block_rows + j)];
             break;
@@ -118,7 +121,8 @@ void Mlp::Reserve(Index columns, MlpTape<T>* tape) const {
     tape->hidden.resize(activation_.size());
   }
   for (std::size_t i = 0; i < activation_.size(); ++i) {
-    tape->hidden[i] = tape->buffers[i].Shape(width_, columns, normalised_);
+    tape->hidden[i] =
+        tape->buffers[i].Shape(affine_[i].out(), columns, activation_[i].normalised());
   }
 }
 
@@ -145,12 +149,13 @@ void Mlp::Backward(const Weights<T>& weights, In<T> x, Index first, const MlpTap
                    In<T> d_out, MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const {
   for (Index at = 0; at < x.cols; at += kColumnsAtOnce) {
     const Index n = std::min(kColumnsAtOnce, x.cols - at);
-    Mat<T> d = scratch->a.Shape(width_, n);
-    Mat<T> next = scratch->b.Shape(width_, n);
+    T* here = scratch->a.Reserve(widest_ * n);
+    T* there = scratch->b.Reserve(widest_ * n);
     const auto input = [&](std::size_t i) -> In<T> {
       return i == 0 ? x.Cols(at, n) : In<T>(tape.hidden[i - 1].output.Cols(first + at, n));
     };
     std::size_t layer = activation_.size();
+    Mat<T> d(here, affine_[layer - 1].out(), n);
     if (affine_.size() > layer) {
       const Affine& last = affine_.back();
       const In<T> d_last = d_out.Cols(at, n);
@@ -164,8 +169,10 @@ void Mlp::Backward(const Weights<T>& weights, In<T> x, Index first, const MlpTap
       const Affine& affine = affine_[layer];
       if (gradient != nullptr) affine.AddGradient<T>(weights, input(layer), d, gradient);
       if (layer > 0) {
+        const Mat<T> next(there, affine_[layer - 1].out(), n);
         affine.SetTransposed<T>(weights, 0, d, next);
-        std::swap(d, next);
+        std::swap(here, there);
+        d = next;
       } else if (d_x) {
         affine.AddTransposed<T>(weights, 0, d, d_x.Cols(at, n));
       }

@@ -6,11 +6,13 @@
 // frozen and only the gradient of the input is wanted.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "plugins/networks/bfloat16.h"
+#include "plugins/networks/categorical.h"
 #include "plugins/networks/elementwise.h"
 #include "plugins/networks/matrix.h"
 #include "plugins/networks/product.h"
@@ -18,7 +20,7 @@
 namespace dreamsearch::networks {
 
 // How a tensor gets its first values.
-enum class Initial { kZero, kOne, kGlorot, kOrthogonal, kGlorotHundredth };
+enum class Initial { kZero, kOne, kGlorot, kOrthogonal, kGlorotHundredth, kNormalFiftieth };
 
 // A named tensor of a group: [rows, cols] at `offset`, column-major. `blocks`
 // matrices of rows / blocks rows lie on top of each other (the gates of a GRU)
@@ -240,44 +242,53 @@ struct ActivationBuffers {
   }
 };
 
-// elu(x), or elu(LayerNorm(x)).
+// What follows a hidden layer's affine map: elu, or layer normalisation and then elu, mish or
+// SimNorm.
+enum class Nonlinearity { kElu, kNormElu, kNormMish, kNormSimNorm };
+
 class Activation {
  public:
   Activation() = default;
   template <typename T>
-  Activation(ParameterGroup<T>* group, const std::string& name, Index size, bool normalised)
-      : normalised_(normalised) {
-    if (!normalised_) return;
+  Activation(ParameterGroup<T>* group, const std::string& name, Index size, Nonlinearity kind)
+      : kind_(kind) {
+    if (!normalised()) return;
     scale_ = group->Add(name + ".norm_scale", size, 1, Initial::kOne);
     shift_ = group->Add(name + ".norm_shift", size, 1, Initial::kZero);
   }
-  bool normalised() const { return normalised_; }
+  template <typename T>
+  Activation(ParameterGroup<T>* group, const std::string& name, Index size, bool normalised)
+      : Activation(group, name, size, normalised ? Nonlinearity::kNormElu : Nonlinearity::kElu) {}
+  bool normalised() const { return kind_ != Nonlinearity::kElu; }
 
   // The pre-activation is in tape.output, which becomes the output.
   template <typename T>
   void Forward(const Weights<T>& weights, const ActivationTape<T>& tape) const {
-    if (normalised_) {
-      LayerNormElu(weights.values + scale_, weights.values + shift_, tape.output, tape.unit,
-                   tape.inverse);
-    } else {
-      Elu(tape.output);
-    }
+    if (!normalised()) return Elu(tape.output);
+    LayerNorm(after(), weights.values + scale_, weights.values + shift_, tape.output, tape.unit,
+              tape.inverse);
+    if (kind_ == Nonlinearity::kNormSimNorm) SimNorm(tape.output);
   }
   // d becomes the gradient of the pre-activation. gradient may be null.
   template <typename T>
   void Backward(const Weights<T>& weights, const ActivationTape<T>& tape, Mat<T> d,
                 T* gradient) const {
-    if (normalised_) {
-      LayerNormEluBackward<T>(weights.values + scale_, tape.unit, tape.inverse, tape.output, d,
-                              gradient == nullptr ? nullptr : gradient + scale_,
-                              gradient == nullptr ? nullptr : gradient + shift_);
-    } else {
-      EluBackward<T>(tape.output, d);
-    }
+    if (!normalised()) return EluBackward<T>(tape.output, d);
+    if (kind_ == Nonlinearity::kNormSimNorm) SimNormBackward<T>(tape.output, d);
+    LayerNormBackward<T>(after(), weights.values + scale_, weights.values + shift_, tape.unit,
+                         tape.inverse, tape.output, d,
+                         gradient == nullptr ? nullptr : gradient + scale_,
+                         gradient == nullptr ? nullptr : gradient + shift_);
   }
 
  private:
-  bool normalised_ = false;
+  AfterNorm after() const {
+    return kind_ == Nonlinearity::kNormElu    ? AfterNorm::kElu
+           : kind_ == Nonlinearity::kNormMish ? AfterNorm::kMish
+                                              : AfterNorm::kNothing;
+  }
+
+  Nonlinearity kind_ = Nonlinearity::kElu;
   Index scale_ = 0;
   Index shift_ = 0;
 };
@@ -295,24 +306,38 @@ struct MlpScratch {
   Buffer<T> a, b;
 };
 
-// `hidden_layers` layers of `width` and a linear output; with out = 0 the last
-// hidden layer is the output.
+struct HiddenLayer {
+  Index width = 0;
+  Nonlinearity kind = Nonlinearity::kElu;
+};
+
+// At least one hidden layer and a linear output; with out = 0 the last hidden layer is the
+// output.
 class Mlp {
  public:
   Mlp() = default;
   template <typename T>
+  Mlp(ParameterGroup<T>* group, const std::string& name, Index in,
+      const std::vector<HiddenLayer>& hidden, Index out, Initial weights, Initial last) {
+    for (std::size_t i = 0; i < hidden.size(); ++i) {
+      const std::string layer = name + "." + std::to_string(i);
+      const Index width = hidden[i].width;
+      affine_.push_back(Affine(group, layer, {in}, width, weights));
+      activation_.emplace_back(group, layer, width, hidden[i].kind);
+      widest_ = std::max(widest_, width);
+      in = width;
+    }
+    if (out > 0) affine_.push_back(Affine(group, name + ".out", {in}, out, last));
+  }
+  // `hidden_layers` layers of `width`.
+  template <typename T>
   Mlp(ParameterGroup<T>* group, const std::string& name, Index in, Index width, Index hidden_layers,
       Index out, bool normalised, Initial last = Initial::kGlorot)
-      : width_(width), normalised_(normalised) {
-    for (Index i = 0; i < hidden_layers; ++i) {
-      const std::string layer = name + "." + std::to_string(i);
-      affine_.push_back(Affine(group, layer, {i == 0 ? in : width}, width));
-      activation_.emplace_back(group, layer, width, normalised);
-    }
-    if (out > 0) {
-      affine_.push_back(Affine(group, name + ".out", {hidden_layers == 0 ? in : width}, out, last));
-    }
-  }
+      : Mlp(group, name, in,
+            std::vector<HiddenLayer>(
+                static_cast<std::size_t>(hidden_layers),
+                {width, normalised ? Nonlinearity::kNormElu : Nonlinearity::kElu}),
+            out, Initial::kGlorot, last) {}
   template <typename T>
   void Reserve(Index columns, MlpTape<T>* tape) const;
 
@@ -333,8 +358,7 @@ class Mlp {
                 In<T> d_out, MlpScratch<T>* scratch, T* gradient, Mat<T> d_x) const;
 
  private:
-  Index width_ = 0;
-  bool normalised_ = false;
+  Index widest_ = 0;
   std::vector<Affine> affine_;
   std::vector<Activation> activation_;
 };

@@ -176,6 +176,25 @@ HWY_INLINE V EluSlope(V y) {
   return hn::Add(Negative(y), Constant<T>(1));
 }
 
+// mish(x) = x t, t = tanh(ln(1 + exp(x))) = (e e + 2 e) / (e e + 2 e + 2) with e = exp(x);
+// beyond x = 20 t is 1 in either type.
+template <typename T, class V = Vector<T>>
+HWY_INLINE V MishOf(V x) {
+  const auto e = Exp(AtMost(Constant<T>(20), x));
+  const auto n = hn::Mul(e, hn::Add(e, Constant<T>(2)));
+  return hn::Mul(x, hn::Div(n, hn::Add(n, Constant<T>(2))));
+}
+// mish'(x) = t + x (1 - t^2) sigmoid(x).
+template <typename T, class V = Vector<T>>
+HWY_INLINE V MishSlope(V x) {
+  const auto one = Constant<T>(1);
+  const auto e = Exp(AtMost(Constant<T>(20), x));
+  const auto n = hn::Mul(e, hn::Add(e, Constant<T>(2)));
+  const auto t = hn::Div(n, hn::Add(n, Constant<T>(2)));
+  const auto sigmoid = hn::Div(e, hn::Add(e, one));
+  return hn::MulAdd(hn::Mul(x, sigmoid), hn::NegMulAdd(t, t, one), t);
+}
+
 // The sum of all lanes, in a fixed order.
 template <typename T>
 HWY_INLINE T SumOf(Vector<T> v) {

@@ -1,218 +1,24 @@
-// Every gradient against central differences, in double.
-//
-// A layer is a row of kLayers: its inputs (parameters among them) as one array, its
-// outputs, and the way back. A new layer adds a row. The whole update is checked
-// below, for every setting that changes what is computed.
-//
-// Tolerance: with step h = 1e-5 a central difference of a smooth function errs by
-// h^2 f'''/6 + eps f / h, about 1e-10 of f's scale; 1e-6 leaves room for sums of
-// thousands of terms. DREAMSEARCH_SHOW_RESIDUALS=1 prints the largest found.
+// Every gradient of the model's own against central differences, in double: the returns, the
+// whole update for every setting that changes what is computed, and a transition. The layers'
+// are in tests/networks.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "batches.h"
-#include "dreamsearch/random.h"
+#include "central_difference.h"
 #include "plugins/model_dreamer/behaviour.h"
 #include "plugins/model_dreamer/learner.h"
-#include "plugins/networks/layers.h"
 
 namespace dreamsearch::dreamer {
 namespace {
 
-using Values = std::vector<double>;
-using M = Mat<double>;
-
-constexpr double kStep = 1e-5;
-constexpr double kTolerance = 1e-6;
-
-// |a - b| relative to the larger, but absolute below `scale`.
-double Residual(double a, double b, double scale) {
-  return std::abs(a - b) / std::max({std::abs(a), std::abs(b), scale});
-}
-
-void Show(const std::string& name, double residual) {
-  if (std::getenv("DREAMSEARCH_SHOW_RESIDUALS") != nullptr) {
-    std::fprintf(stderr, "%-40s %.2e\n", name.c_str(), residual);
-  }
-}
-
-Values Draws(std::size_t count, std::uint64_t seed) {
-  Random random(seed);
-  Values values(count);
-  for (double& v : values) v = random.Normal();
-  return values;
-}
-
-// A walk over one array, so that a layer can take its inputs in turn.
-class Slices {
- public:
-  explicit Slices(double* data) : data_(data) {}
-  M Take(Index rows, Index cols) {
-    const M m(data_, rows, cols);
-    data_ += rows * cols;
-    return m;
-  }
-
- private:
-  double* data_;
-};
-
-struct Layer {
-  const char* name;
-  std::size_t inputs;
-  std::size_t outputs;
-  // Computes the outputs; then, if d_inputs is not null, the gradient of
-  // sum(cotangent * output).
-  std::function<void(Values* inputs, Values* outputs, Values* cotangent, Values* d_inputs)> run;
-};
-
-constexpr Index kN = 5;   // columns
-constexpr Index kR = 19;  // rows: more than one vector lane, and a rest
-
-void RunMlp(bool norm, Values* in, Values* out, Values* cotangent, Values* d) {
-  ParameterGroup<double> group("g");
-  const Mlp mlp(&group, "mlp", 4, kR, 2, 3, norm);
-  group.Allocate(1);
-  const auto parameters = static_cast<std::size_t>(group.size());
-  ASSERT_EQ(in->size(), parameters + 4 * kN);
-  std::copy(in->begin(), in->begin() + group.size(), group.values());
-  group.Pack();
-  const M x(in->data() + parameters, 4, kN);
-  MlpTape<double> tape;
-  MlpScratch<double> scratch;
-  mlp.Reserve(kN, &tape);
-  mlp.Forward(group.exact(), In<double>(x), 0, &tape, M(out->data(), 3, kN));
-  if (d == nullptr) return;
-  mlp.Backward(group.exact(), In<double>(x), 0, tape, M(cotangent->data(), 3, kN), &scratch,
-               group.gradient(), M(d->data() + parameters, 4, kN));
-  std::copy(group.gradient(), group.gradient() + group.size(), d->begin());
-}
-
-std::size_t MlpInputs(bool norm) {
-  ParameterGroup<double> group("g");
-  const Mlp mlp(&group, "mlp", 4, kR, 2, 3, norm);
-  return static_cast<std::size_t>(group.size()) + 4 * kN;
-}
-
-const ActorShape kActorShape{.mean_limit = 2, .std_offset = 0.3, .min_std = 0.05};
-
-const std::vector<Layer>& Layers() {
-  static const std::vector<Layer> layers = {
-      {"product", 3 * kR + kR * kN, 3 * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Slices s(in->data());
-         const M w = s.Take(3, kR), x = s.Take(kR, kN), y(out->data(), 3, kN);
-         PackedWeights<double> packed({{0, 3, 0, kR}});
-         packed.Pack(w.data);
-         SetZero(y);
-         packed.AddProduct(0, x, y);
-         if (d == nullptr) return;
-         Slices g(d->data());
-         AddOuterProduct<double>(M(ct->data(), 3, kN), x, g.Take(3, kR));
-         packed.AddTransposedProduct(0, M(ct->data(), 3, kN), g.Take(kR, kN));
-       }},
-      {"bias", kR, kR * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         FillColumns<double>(in->data(), M(out->data(), kR, kN));
-         if (d != nullptr) AddColumnSums<double>(M(ct->data(), kR, kN), d->data());
-       }},
-      {"elu", kR * kN, kR * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         *out = *in;
-         const M y(out->data(), kR, kN);
-         Elu(y);
-         if (d == nullptr) return;
-         *d = *ct;
-         EluBackward<double>(y, M(d->data(), kR, kN));
-       }},
-      {"layer_norm_elu", 2 * kR + kR * kN, kR * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Values unit(kR * kN), inverse(kN);
-         std::copy(in->begin() + 2 * kR, in->end(), out->begin());
-         LayerNormElu<double>(in->data(), in->data() + kR, M(out->data(), kR, kN),
-                              M(unit.data(), kR, kN), M(inverse.data(), 1, kN));
-         if (d == nullptr) return;
-         std::copy(ct->begin(), ct->end(), d->begin() + 2 * kR);
-         LayerNormEluBackward<double>(in->data(), M(unit.data(), kR, kN), M(inverse.data(), 1, kN),
-                                      M(out->data(), kR, kN), M(d->data() + 2 * kR, kR, kN),
-                                      d->data(), d->data() + kR);
-       }},
-      {"gru", 7 * kR * kN, kR * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Slices s(in->data());
-         const M input = s.Take(3 * kR, kN), rec = s.Take(3 * kR, kN), h = s.Take(kR, kN);
-         Values gates(4 * kR * kN);
-         GruForward<double>(input, rec, h, M(gates.data(), 4 * kR, kN), M(out->data(), kR, kN));
-         if (d == nullptr) return;
-         Slices g(d->data());
-         const M d_input = g.Take(3 * kR, kN), d_rec = g.Take(3 * kR, kN), dh = g.Take(kR, kN);
-         GruBackward<double>(M(gates.data(), 4 * kR, kN), h, M(ct->data(), kR, kN), d_input, d_rec,
-                             dh);
-       }},
-      {"gaussian_sample", 2 * kR * kN, kR * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Values noise = Draws(kR * kN, 7), std(kR * kN);
-         const M eps(noise.data(), kR, kN), deviation(std.data(), kR, kN);
-         GaussianForward<double>(M(in->data(), 2 * kR, kN), eps, 0.1, deviation,
-                                 M(out->data(), kR, kN));
-         if (d == nullptr) return;
-         GaussianBackward<double>(deviation, eps, 0.1, M(ct->data(), kR, kN),
-                                  M(d->data(), 2 * kR, kN));
-       }},
-      {"gaussian_kl", 4 * kR * kN, kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Slices s(in->data());
-         const M q = s.Take(2 * kR, kN), p = s.Take(2 * kR, kN);
-         Values memory(3 * kR * kN);
-         Slices t(memory.data());
-         const M q_std = t.Take(kR, kN), p_std = t.Take(kR, kN), sample = t.Take(kR, kN);
-         GaussianForward<double>(q, M(), 0.1, q_std, sample);
-         GaussianForward<double>(p, M(), 0.1, p_std, sample);
-         GaussianKl<double>(q, q_std, p, p_std, M(out->data(), 1, kN));
-         if (d == nullptr) return;
-         Slices g(d->data());
-         const M d_q = g.Take(2 * kR, kN), d_p = g.Take(2 * kR, kN);
-         GaussianKlBackward<double>(q, q_std, p, p_std, 0.1, M(ct->data(), 1, kN), 1, 1, d_q, d_p);
-         // d_q is that of (mean, std); the sample's way back turns std into c.
-         Values none(kR * kN);
-         GaussianBackward<double>(q_std, M(none.data(), kR, kN), 0.1, M(none.data(), kR, kN), d_q);
-       }},
-      {"squared_error", 3 * kN, 1,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Values target = Draws(3 * kN, 5), gradient(3 * kN);
-         (*out)[0] = SquaredError<double>(M(in->data(), 3, kN), M(target.data(), 3, kN),
-                                          ct == nullptr ? 0 : (*ct)[0], M(gradient.data(), 3, kN));
-         if (d != nullptr) *d = gradient;
-       }},
-      {"bernoulli_error", kN, 1,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Values target = {0, 0.99, 0.99, 0, 0.5}, gradient(kN);
-         (*out)[0] =
-             BernoulliError<double>(M(in->data(), 1, kN), M(target.data(), 1, kN),
-                                    ct == nullptr ? 0 : (*ct)[0], M(gradient.data(), 1, kN));
-         if (d != nullptr) *d = gradient;
-       }},
-      {"actor_distribution", 2 * 3 * kN, 3 * kN + kN,
-       [](Values* in, Values* out, Values* ct, Values* d) {
-         Values noise = Draws(3 * kN, 9), memory(2 * 3 * kN);
-         Slices t(memory.data()), o(out->data());
-         const M squashed = t.Take(3, kN), std = t.Take(3, kN), eps(noise.data(), 3, kN);
-         const M action = o.Take(3, kN), entropy = o.Take(1, kN);
-         ActorForward<double>(M(in->data(), 6, kN), eps, kActorShape, squashed, std, action,
-                              entropy);
-         if (d == nullptr) return;
-         Slices c(ct->data());
-         const M d_action = c.Take(3, kN), d_entropy = c.Take(1, kN);
-         ActorBackward<double>(squashed, std, action, eps, kActorShape, d_action, d_entropy,
-                               M(d->data(), 6, kN));
-       }},
+TEST(LambdaReturns, GradientEqualsCentralDifference) {
+  constexpr Index kN = 5;
+  ExpectCentralDifferences(
       {"lambda_returns", 4 * kN * 2 + 5 * kN, 4 * kN,
        [](Values* in, Values* out, Values* ct, Values* d) {
          const double* rewards = in->data();
@@ -224,46 +30,8 @@ const std::vector<Layer>& Layers() {
          LambdaReturnsBackward<double>(4, kN, 0.9, discounts, values, out->data(), copy.data(),
                                        d->data(), d->data() + 4 * kN, d->data() + 8 * kN);
        }},
-      {"mlp", MlpInputs(false), 3 * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) { RunMlp(false, in, out, ct, d); }},
-      {"mlp_layer_norm", MlpInputs(true), 3 * kN,
-       [](Values* in, Values* out, Values* ct, Values* d) { RunMlp(true, in, out, ct, d); }},
-  };
-  return layers;
+      10);
 }
-
-class LayerGradient : public testing::TestWithParam<std::size_t> {};
-
-TEST_P(LayerGradient, EqualsCentralDifference) {
-  const Layer& layer = Layers()[GetParam()];
-  Values inputs = Draws(layer.inputs, 100 + GetParam());
-  Values outputs(layer.outputs), gradient(layer.inputs);
-  Values cotangent = Draws(layer.outputs, 200 + GetParam());
-  layer.run(&inputs, &outputs, &cotangent, &gradient);
-  const auto loss = [&](std::size_t i, double shift) {
-    const double kept = inputs[i];
-    inputs[i] = kept + shift;
-    layer.run(&inputs, &outputs, nullptr, nullptr);
-    inputs[i] = kept;
-    double total = 0;
-    for (std::size_t k = 0; k < outputs.size(); ++k) total += cotangent[k] * outputs[k];
-    return total;
-  };
-  double worst = 0;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    const double difference = (loss(i, kStep) - loss(i, -kStep)) / (2 * kStep);
-    worst = std::max(worst, Residual(gradient[i], difference, 1e-2));
-    ASSERT_LT(Residual(gradient[i], difference, 1e-2), kTolerance)
-        << layer.name << " input " << i << ": gradient " << gradient[i] << ", difference "
-        << difference;
-  }
-  Show(layer.name, worst);
-}
-
-INSTANTIATE_TEST_SUITE_P(Layers, LayerGradient, testing::Range<std::size_t>(0, Layers().size()),
-                         [](const auto& row) { return std::string(Layers()[row.param].name); });
-
-// --- The whole update -------------------------------------------------------
 
 struct Variant {
   const char* name;
@@ -317,14 +85,6 @@ Settings SmallSettings() {
   return s;
 }
 
-// Moves every parameter off its initial value, so that zero biases and heads hide
-// nothing.
-void Perturb(ParameterGroup<double>* group, std::uint64_t seed) {
-  Random random(seed);
-  for (Index i = 0; i < group->size(); ++i) group->values()[i] += 0.1 * random.Normal();
-  group->Pack();
-}
-
 void MakeReady(Learner<double>* learner) {
   Perturb(&learner->world().group(), 11);
   Perturb(&learner->behaviour().actor(), 12);
@@ -360,46 +120,10 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
     learner.DreamGradients(&losses, &stops);
     return *loss;
   };
-  const struct {
-    ParameterGroup<double>* group;
-    std::function<double()> loss;
-  } groups[] = {
-      {&learner.behaviour().actor(), [&] { return dream(&losses.dream.actor); }},
-      {&learner.behaviour().value(), [&] { return dream(&losses.dream.value); }},
-      {&learner.world().group(), fit},
-  };
-  // Copies first: every call overwrites them.
-  std::vector<Values> gradients;
-  for (const auto& item : groups) {
-    gradients.emplace_back(item.group->gradient(), item.group->gradient() + item.group->size());
-  }
-  double worst = 0;
-  for (std::size_t g = 0; g < 3; ++g) {
-    ParameterGroup<double>& group = *groups[g].group;
-    double largest = 0;
-    for (const double x : gradients[g]) largest = std::max(largest, std::abs(x));
-    EXPECT_GT(largest, 1e-4) << group.name();
-    for (const Tensor& tensor : group.tensors()) {
-      for (Index k = 0; k < tensor.rows * tensor.cols; ++k) {
-        const Index i = tensor.offset + k;
-        double& value = group.values()[i];
-        const double kept = value;
-        value = kept + kStep;
-        const double above = groups[g].loss();
-        value = kept - kStep;
-        const double below = groups[g].loss();
-        value = kept;
-        const double difference = (above - below) / (2 * kStep);
-        const double gradient = gradients[g][static_cast<std::size_t>(i)];
-        const double residual = Residual(gradient, difference, 1e-2 * largest);
-        worst = std::max(worst, residual);
-        ASSERT_LT(residual, kTolerance)
-            << variant.name << ", " << tensor.name << " entry " << k << ": gradient " << gradient
-            << ", difference " << difference;
-      }
-    }
-  }
-  Show(variant.name, worst);
+  ExpectCentralDifferences(
+      variant.name, {{&learner.behaviour().actor(), [&] { return dream(&losses.dream.actor); }},
+                     {&learner.behaviour().value(), [&] { return dream(&losses.dream.value); }},
+                     {&learner.world().group(), fit}});
 }
 
 INSTANTIATE_TEST_SUITE_P(Variants, UpdateGradient,

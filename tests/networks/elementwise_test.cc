@@ -89,6 +89,23 @@ TYPED_TEST(ElementwiseOf, FunctionsAreExactToSomeRoundings) {
   Show("softplus", softplus / epsilon);
   EXPECT_LT(softplus, 4 * epsilon);
 
+  // Of the rows (x, -x), which have mean 0 and are normalised to (1, -1): scale = x brings
+  // the argument back.
+  const double mish = LargestError<T>(
+      [&](std::vector<T>* v) {
+        for (T& x : *v) {
+          const T scale[] = {x, x}, shift[] = {0, 0};
+          T column[] = {T(1e6), T(-1e6)}, unit[2], inverse;
+          LayerNorm<T>(AfterNorm::kMish, scale, shift, Mat<T>(column, 2, 1), Mat<T>(unit, 2, 1),
+                       Mat<T>(&inverse, 1, 1));
+          x = column[0];
+        }
+      },
+      [](double x) { return x * std::tanh(std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x)))); },
+      [](double x) { return std::max(1.0, std::abs(x)); });
+  Show("mish", mish / epsilon);
+  EXPECT_LT(mish, 4 * epsilon);
+
   // The mode of an actor with a limit of 1: tanh(tanh(m)).
   const double tanh = LargestError<T>(
       [&](std::vector<T>* v) {
@@ -134,6 +151,13 @@ TYPED_TEST(ElementwiseOf, NanStaysNan) {
                     Mat<T>(squashed.data(), size, 1), std_view, Mat<T>(action.data(), size, 1),
                     Mat<T>(entropy.data(), 1, 1));
     EXPECT_TRUE(all_nan(action, n) && all_nan(entropy, 1)) << "actor, " << size;
+    std::vector<T> unit(n), inverse(1);
+    for (const AfterNorm after : {AfterNorm::kNothing, AfterNorm::kElu, AfterNorm::kMish}) {
+      y = bad;
+      LayerNorm<T>(after, good.data(), good.data(), Mat<T>(y.data(), size, 1),
+                   Mat<T>(unit.data(), size, 1), Mat<T>(inverse.data(), 1, 1));
+      EXPECT_TRUE(all_nan(y, n)) << "layer norm, " << size;
+    }
     std::vector<T> kl(1);
     GaussianKl<T>(Mat<const T>(bad.data(), 2 * size, 1), Mat<const T>(good.data(), size, 1),
                   Mat<const T>(good.data(), 2 * size, 1), Mat<const T>(good.data(), size, 1),

@@ -16,12 +16,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <limits>
-#include <map>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -29,40 +23,6 @@
 
 namespace dreamsearch::dreamer {
 namespace {
-
-Json ReadJson(const std::string& name) {
-  const std::string path =
-      std::string(DREAMSEARCH_SOURCE_DIR) + "/tests/model_dreamer/golden/" + name;
-  std::ifstream file(path);
-  if (!file) throw std::runtime_error("golden data expected in " + path);
-  return Json::parse(file);
-}
-
-// A tensor of golden data, flat: row after row.
-std::vector<double> Flat(const Json& tensor) {
-  std::vector<double> values;
-  for (const Json& item : tensor) {
-    const std::vector<double> row = item.is_array() ? Flat(item) : std::vector{item.get<double>()};
-    values.insert(values.end(), row.begin(), row.end());
-  }
-  return values;
-}
-
-// A tensor of a group, flat as in the golden data; `base` is the group's values or gradient.
-template <typename T>
-std::vector<double> Flat(const T* base, const Tensor& tensor) {
-  const Mat<const T> matrix(base + tensor.offset, tensor.rows, tensor.cols);
-  std::vector<double> values;
-  for (Index i = 0; i < tensor.rows; ++i) {
-    for (Index j = 0; j < tensor.cols; ++j) values.push_back(static_cast<double>(matrix(i, j)));
-  }
-  return values;
-}
-
-template <typename T>
-std::vector<double> Flat(const Mat<T>& matrix) {  // column after column
-  return {matrix.data, matrix.data + matrix.size()};
-}
 
 // A dream's returns, tau-major in each block of starts, tau-major over all of them.
 template <typename T>
@@ -78,63 +38,6 @@ std::vector<double> TauMajor(const std::vector<T>& returns, Index starts, Index 
   }
   return values;
 }
-
-template <typename T>
-void SetTensor(const Json& golden, const Tensor& tensor, T* base) {
-  const std::vector<double> values = Flat(golden);
-  ASSERT_EQ(values.size(), static_cast<std::size_t>(tensor.rows * tensor.cols)) << tensor.name;
-  const Mat<T> matrix(base + tensor.offset, tensor.rows, tensor.cols);
-  for (Index i = 0; i < tensor.rows; ++i) {
-    for (Index j = 0; j < tensor.cols; ++j) {
-      matrix(i, j) = static_cast<T>(values[static_cast<std::size_t>(i * tensor.cols + j)]);
-    }
-  }
-}
-
-double Norm(const std::vector<double>& values) {
-  double squares = 0;
-  for (const double v : values) squares += v * v;
-  return std::sqrt(squares);
-}
-
-// Compares, and keeps the largest residual of each kind.
-class Comparison {
- public:
-  explicit Comparison(double tolerance) : tolerance_(tolerance) {}
-
-  // |found - golden| <= tolerance * scale + slack; NaN fails.
-  void Number(const std::string& kind, const std::string& name, double found, double golden,
-              double scale, double slack = 0) {
-    Distance(kind, name, std::abs(found - golden), std::abs(scale), slack);
-  }
-  void Array(const std::string& kind, const std::string& name, const std::vector<double>& found,
-             const std::vector<double>& golden) {
-    ASSERT_EQ(found.size(), golden.size()) << kind << " " << name;
-    std::vector<double> difference(found);
-    for (std::size_t i = 0; i < found.size(); ++i) difference[i] -= golden[i];
-    Distance(kind, name, Norm(difference), Norm(golden), 0);
-  }
-  int compared() const { return compared_; }
-  void Show(const std::string& title) const {
-    if (std::getenv("DREAMSEARCH_SHOW_RESIDUALS") == nullptr) return;
-    for (const auto& [kind, residual] : worst_) {
-      std::fprintf(stderr, "%-16s %-20s %.2e\n", title.c_str(), kind.c_str(), residual);
-    }
-  }
-
- private:
-  void Distance(const std::string& kind, const std::string& name, double distance, double scale,
-                double slack) {
-    ++compared_;
-    if (scale > 0) worst_[kind] = std::max(worst_[kind], distance / scale);
-    EXPECT_LE(distance, tolerance_ * scale + slack)
-        << kind << ": " << name << " is off by " << distance / scale << " of " << scale;
-  }
-
-  double tolerance_;
-  int compared_ = 0;
-  std::map<std::string, double> worst_;
-};
 
 void CompareLosses(const std::string& update, const UpdateLosses& found, const Json& golden,
                    Comparison* comparison) {
@@ -169,8 +72,8 @@ void CompareLosses(const std::string& update, const UpdateLosses& found, const J
 
 template <typename T>
 void CompareUpdates(const std::string& name, double tolerance) {
-  const Json input = ReadJson(name + "_input.json");
-  const Json golden = ReadJson(name + "_output.json");
+  const Json input = ReadJson("model_dreamer/golden", name + "_input.json");
+  const Json golden = ReadJson("model_dreamer/golden", name + "_output.json");
   const Index o = input.at("observation_size"), a = input.at("action_size");
   Learner<T> learner(SettingsFromJson(input.at("settings")), o, a, 1);
   ParameterGroup<T>* const groups[] = {&learner.world().group(), &learner.behaviour().actor(),
@@ -231,15 +134,10 @@ void CompareUpdates(const std::string& name, double tolerance) {
     learner.Apply(losses);
   }
 
-  const double rounding =
-      static_cast<double>(updates) * static_cast<double>(std::numeric_limits<T>::epsilon()) / 2;
   const auto compare_step = [&](const std::string& kind, const Tensor& tensor, const T* base,
                                 const Json& start, double golden_norm) {
-    const std::vector<double> before = Flat(start);
-    std::vector<double> moved = Flat(base, tensor);
-    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] -= before[i];
-    comparison.Number(kind, tensor.name, Norm(moved), golden_norm, golden_norm,
-                      rounding * Norm(before));
+    comparison.Step(kind, tensor.name, Flat(base, tensor), Flat(start), golden_norm,
+                    static_cast<double>(updates) * RoundingOf<T>());
   };
   for (const ParameterGroup<T>* group : groups) {
     for (const Tensor& tensor : group->tensors()) {
@@ -287,7 +185,8 @@ double DrawResidual(const Json& input) {
 
 // Six ulp of a draw between 4 and 8.
 TEST_P(Golden, DrawsAreTheLearners) {
-  EXPECT_LT(DrawResidual(ReadJson(std::string(GetParam()) + "_input.json")), 3e-6);
+  EXPECT_LT(DrawResidual(ReadJson("model_dreamer/golden", std::string(GetParam()) + "_input.json")),
+            3e-6);
 }
 
 TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
@@ -296,7 +195,8 @@ TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
 
 // Where the draws differ by a rounding, ten times that is allowed on top.
 TEST_P(Golden, UpdatesInDoubleAgreeWithTorchToOneInABillion) {
-  const double draws = DrawResidual(ReadJson(std::string(GetParam()) + "_input.json"));
+  const double draws =
+      DrawResidual(ReadJson("model_dreamer/golden", std::string(GetParam()) + "_input.json"));
   CompareUpdates<double>(GetParam(), 1e-9 + 10 * draws);
 }
 

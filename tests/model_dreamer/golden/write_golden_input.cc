@@ -8,14 +8,12 @@
 // Weights are drawn as the learner draws them, moved off their initial values so
 // that zero biases and heads hide nothing, and rounded to multiples of 2^-8: exact
 // in float and in double, and short as text. The slow critic is moved once more.
-#include <cmath>
+#include <algorithm>
 #include <cstdio>
-#include <fstream>
 #include <stdexcept>
 #include <string>
 
 #include "golden_data.h"
-#include "results/system/file.h"
 
 namespace dreamsearch::dreamer {
 namespace {
@@ -86,99 +84,12 @@ Case CaseOf(const std::string& name) {
            {"gradient_clip", 8}}};
 }
 
-// What an update in full precision does not depend on; the weights are given.
-bool Neutral(const std::string& name) {
-  return name == "zero_heads" || name == "acting_latent" || name == "imagined_latent" ||
-         name == "precision" || name == "planning_precision";
-}
+// The weights are given.
+const std::vector<std::string> kNeutral = {"zero_heads", "acting_latent", "imagined_latent",
+                                           "precision", "planning_precision"};
 
 Json ResolvedSettings(const Case& golden) {
-  Json settings = Json::object();
-  for (const ParameterSpec& spec : DeclaredParameters()) {
-    if (Neutral(spec.name)) continue;
-    const auto [parameter, number, choice] = ValueUnder(spec, golden.preset);
-    switch (spec.type) {
-      case ParameterType::kBool:
-        settings[spec.name] = number != 0;
-        break;
-      case ParameterType::kInt:
-        settings[spec.name] = static_cast<std::int64_t>(number);
-        break;
-      case ParameterType::kReal:
-        settings[spec.name] = number;
-        break;
-      case ParameterType::kChoice:
-        settings[spec.name] = choice;
-        break;
-    }
-  }
-  for (const auto& [name, value] : golden.changes.items()) settings.at(name) = value;
-  return settings;
-}
-
-double Short(double x) { return std::round(x * 256) / 256; }
-
-void Move(double* values, Index count, std::uint64_t seed) {
-  Random random(seed);
-  for (Index i = 0; i < count; ++i) values[i] = Short(values[i] + 0.15 * random.Normal());
-}
-
-// The tensors of an export as nested arrays, [out, in] as the README of the model says.
-class JsonSink final : public TensorSink {
- public:
-  Status Tensor(const char* name, View<const std::uint64_t> shape,
-                View<const float> values) noexcept override {
-    if (std::string(name).starts_with("observation_statistics.")) return OkStatus();
-    Json& tensor = tensors[name] = Json::array();
-    if (shape.size == 1) {
-      for (const float v : values) tensor.push_back(v);
-      return OkStatus();
-    }
-    for (std::uint64_t i = 0; i < shape[0]; ++i) {
-      Json row = Json::array();
-      for (std::uint64_t j = 0; j < shape[1]; ++j) row.push_back(values[i * shape[1] + j]);
-      tensor.push_back(row);
-    }
-    return OkStatus();
-  }
-  Json tensors = Json::object();
-};
-
-Json Exported(const Learner<double>& learner) {
-  JsonSink sink;
-  const Status status = learner.Export(&sink);
-  if (!status.ok()) throw std::runtime_error(status.message);
-  return sink.tensors;
-}
-
-// Draws with some terminal states and, in every other sequence, an episode's start.
-// The last observation component deviates less than the floor.
-Json RandomUpdate(const Case& golden, std::uint64_t seed) {
-  Random random(seed);
-  Json observations, actions, rewards, discounts, is_first;
-  for (std::uint64_t b = 0; b < golden.sequences; ++b) {
-    for (std::uint64_t t = 0; t < golden.length; ++t) {
-      const bool first = b % 2 == 0 && t == 0;
-      for (Index i = 0; i < kObservationSize; ++i) {
-        const double scale = i + 1 == kObservationSize ? 0.004 : 1 + static_cast<double>(i);
-        observations.push_back(Short(0.5 + scale * random.Normal()));
-      }
-      for (Index i = 0; i < kActionSize; ++i) {
-        actions.push_back(first ? 0.0 : Short(random.Uniform(-1, 1)));
-      }
-      rewards.push_back(first ? 0.0 : Short(random.Uniform(0, 2)));
-      discounts.push_back(random.Below(8) == 0 ? 0 : 1);
-      is_first.push_back(first ? 1 : 0);
-    }
-  }
-  return {{"seed", seed},
-          {"sequences", golden.sequences},
-          {"length", golden.length},
-          {"observations", observations},
-          {"actions", actions},
-          {"rewards", rewards},
-          {"discounts", discounts},
-          {"is_first", is_first}};
+  return networks::ResolvedSettings(DeclaredParameters(), golden.preset, kNeutral, golden.changes);
 }
 
 // The posterior columns that the learner's dreams began from: all, or found by their values.
@@ -207,32 +118,6 @@ Json Starts(const Learner<double>& learner) {
   return starts;
 }
 
-// Objects over several lines, arrays of numbers on one.
-void Print(const Json& value, const std::string& indent, std::ostream* out) {
-  const bool lines = value.is_object() || (value.is_array() && value.front().is_object());
-  if (!lines) {
-    *out << value.dump();
-    return;
-  }
-  const std::string inner = indent + " ";
-  const char* separator = "\n";
-  *out << (value.is_object() ? "{" : "[");
-  for (const auto& [name, item] : value.items()) {
-    *out << separator << inner;
-    if (value.is_object()) *out << '"' << name << "\": ";
-    Print(item, inner, out);
-    separator = ",\n";
-  }
-  *out << "\n" << indent << (value.is_object() ? "}" : "]");
-}
-
-void WriteFile(const Json& json, const std::string& path) {
-  std::ofstream file(path);
-  Print(json, "", &file);
-  file << "\n";
-  if (!file.flush()) throw std::runtime_error("cannot write " + path);
-}
-
 void Write(const std::string& folder, const std::string& name) {
   Json json = {{"observation_size", kObservationSize}, {"action_size", kActionSize}};
   const Case golden = CaseOf(name);
@@ -251,7 +136,8 @@ void Write(const std::string& folder, const std::string& name) {
 
   json["updates"] = Json::array();
   for (std::uint64_t k = 0; k < golden.updates; ++k) {
-    Json update = RandomUpdate(golden, 100 + k);
+    Json update =
+        RandomUpdate(golden.sequences, golden.length, kObservationSize, kActionSize, 100 + k);
     const std::uint64_t seed = update.at("seed");
     const GoldenBatch batch(update, kObservationSize, kActionSize);
     const Status status = learner.Read(batch.view(), seed);

@@ -8,7 +8,7 @@
 #include "dreamsearch/model.h"
 #include "dreamsearch/random.h"
 
-namespace dreamsearch::dreamer {
+namespace dreamsearch {
 
 // B sequences of T steps with memory of their own.
 struct OwnedBatch {
@@ -73,4 +73,4 @@ inline OwnedBatch PointBatch(std::uint64_t sequences, std::uint64_t length, std:
   return batch;
 }
 
-}  // namespace dreamsearch::dreamer
+}  // namespace dreamsearch
