@@ -1,5 +1,6 @@
 // runner describe [KIND/]NAME - what can be set of a component, and what does it measure?
 #include <iostream>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -93,6 +94,24 @@ std::string TraitsText(const ComponentInfo& component) {
   return JoinNames(names);
 }
 
+// What a model asks of the runner.
+void PrintRunPresets(const ComponentInfo& component) {
+  if (component.run_presets.empty()) return;
+  std::cout << "\nits values of the runner's own parameters (`runner describe run`), below "
+               "configuration file and command line\n";
+  std::map<std::string, std::vector<std::string>> presets;
+  for (const RunPresetInfo& preset : component.run_presets) {
+    ResolvedValue value;
+    value.type = ParameterType::kReal;
+    value.number = preset.number;
+    presets[preset.name].push_back(preset.preset + "=" + ValueText(value));
+  }
+  TextTable table(2);
+  table.Row({"NAME", "PRESETS"});
+  for (const auto& [name, values] : presets) table.Row({"run." + name, JoinNames(values)});
+  table.Print(std::cout);
+}
+
 void PrintComponent(const ComponentInfo& component) {
   const PluginInfo& plugin = component.plugin;
   std::cout << ComponentKindName(component.kind) << ' ' << component.name << ' '
@@ -110,6 +129,7 @@ void PrintComponent(const ComponentInfo& component) {
   facts.rows.push_back({"sha256", plugin.sha256});
   Print(facts);
   PrintParameters(component.name, component.parameters);
+  PrintRunPresets(component);
   if (component.metrics.empty()) return;
   std::cout << "\nmetrics\n";
   results::Table metrics = {{"NAME", "UNIT", "MEANING"}, {}};

@@ -51,6 +51,9 @@ ComponentInfo DescribeComponent(const ComponentDescriptor& component, const Plug
   for (const MetricSpec& metric : component.metrics) {
     info.metrics.push_back({metric.name, TextOrEmpty(metric.unit), TextOrEmpty(metric.help)});
   }
+  for (const RunPreset& preset : component.run_presets) {
+    info.run_presets.push_back({preset.name, preset.preset, preset.number});
+  }
   info.plugin = plugin;
   return info;
 }

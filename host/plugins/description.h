@@ -66,6 +66,20 @@ struct MetricInfo {
   }
 };
 
+// A RunPreset, owned.
+struct RunPresetInfo {
+  std::string name;
+  std::string preset;
+  double number = 0;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("name", &name);
+    (*archive)("preset", &preset);
+    (*archive)("number", &number);
+  }
+};
+
 struct PluginInfo {
   std::string name;
   std::string version;
@@ -94,6 +108,7 @@ struct ComponentInfo {
   std::uint32_t traits = 0;
   std::vector<ParameterInfo> parameters;
   std::vector<MetricInfo> metrics;
+  std::vector<RunPresetInfo> run_presets;
   PluginInfo plugin;
 
   bool Has(Trait trait) const { return (traits & trait) != 0; }
@@ -108,6 +123,7 @@ struct ComponentInfo {
     (*archive)("traits", &traits);
     (*archive)("parameters", &parameters);
     (*archive)("metrics", &metrics);
+    (*archive)("run_presets", &run_presets);
     (*archive)("plugin", &plugin);
   }
 };

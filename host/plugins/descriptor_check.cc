@@ -203,6 +203,30 @@ class Checker {
       CheckText(what + ", metric '" + metric.name + "': its unit", metric.unit, false);
       CheckText(what + ", metric '" + metric.name + "': its help", metric.help, false);
     }
+    CheckRunPresets(what, component);
+  }
+
+  // That there are such parameters and that they may have such values is known where runs are
+  // resolved.
+  void CheckRunPresets(const std::string& what, const ComponentDescriptor& component) const {
+    CheckView(what + "'s run presets", component.run_presets.data, component.run_presets.size);
+    if (component.run_presets.size > 0 && component.kind != ComponentKind::kModel) {
+      Refuse(what + ": run presets are for models only, found " +
+             std::to_string(component.run_presets.size) + " on a " +
+             ComponentKindName(component.kind));
+    }
+    std::set<std::pair<std::string, std::string>> seen;
+    for (const RunPreset& preset : component.run_presets) {
+      CheckName("a run preset of " + what, preset.name);
+      const std::string which = what + ", run preset '" + preset.name + "'";
+      CheckText(which + ": its preset", preset.preset, true);
+      if (!seen.insert({preset.name, preset.preset}).second) {
+        Refuse(which + ": expected one value for the preset '" + preset.preset + "', found two");
+      }
+      if (!std::isfinite(preset.number)) {
+        Refuse(which + ": expected a finite number, found " + std::to_string(preset.number));
+      }
+    }
   }
 
   void CheckTraits(const std::string& what, const ComponentDescriptor& component) const {

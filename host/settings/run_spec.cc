@@ -45,6 +45,8 @@ const char* ValueOriginName(ValueOrigin origin) {
       return "file";
     case ValueOrigin::kCommandLine:
       return "command line";
+    case ValueOrigin::kModel:
+      return "model";
   }
   return "unknown";
 }

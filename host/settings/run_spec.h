@@ -17,7 +17,13 @@
 
 namespace dreamsearch {
 
-enum class ValueOrigin : std::uint32_t { kDefault = 0, kPreset = 1, kFile = 2, kCommandLine = 3 };
+enum class ValueOrigin : std::uint32_t {
+  kDefault = 0,
+  kPreset = 1,
+  kFile = 2,
+  kCommandLine = 3,
+  kModel = 4,  // the preset of the model, for a value of the runner's own
+};
 
 const char* ValueOriginName(ValueOrigin origin);
 

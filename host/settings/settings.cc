@@ -188,7 +188,10 @@ class Resolver {
       if (base != nullptr) RestoreFrom(*base, &target);
     }
     for (const Setting& setting : options.settings) Apply(setting);
-    if (!options.evaluate) CheckRun();
+    for (const std::size_t model : models_) {
+      runs_.push_back(base == nullptr ? RunOf(*targets_[model].info) : targets_[0].values);
+      if (!options.evaluate) CheckRun(runs_.back());
+    }
   }
 
   std::vector<RunSpec> Matrix(const Options& options) const {
@@ -204,15 +207,15 @@ class Resolver {
     for (const std::uint64_t seed : options.seeds) {
       for (const std::size_t environment : environments_) {
         for (const std::size_t planner : planners_) {
-          for (const std::size_t model : models_) {
+          for (std::size_t i = 0; i < models_.size(); ++i) {
             RunSpec spec;
             spec.study = options.study;
             spec.preset = options.preset;
             spec.environment = Resolved(environment);
-            spec.model = Resolved(model);
+            spec.model = Resolved(models_[i]);
             spec.planner = Resolved(planner);
             spec.eval_planner = Resolved(eval_planner_.value_or(planner));
-            spec.run = targets_[0].values;
+            spec.run = runs_[i];
             spec.seed = seed;
             runs.push_back(std::move(spec));
           }
@@ -375,9 +378,42 @@ class Resolver {
     target->values.values[i] = value;
   }
 
+  // The runner's own values of runs with that model.
+  ResolvedValues RunOf(const ComponentInfo& model) const {
+    ResolvedValues run = targets_[0].values;
+    for (const RunPresetInfo& wish : model.run_presets) {
+      const auto refuse = [&](const std::string& message) {
+        throw Failure(ExitCode::kPluginRefused,
+                      "plugin " + model.plugin.path + ": model '" + model.name + "' asks for run." +
+                          wish.name + " = " + NumberText(ParameterType::kReal, wish.number) + ": " +
+                          message);
+      };
+      const auto parameter =
+          std::find_if(run_parameters_.begin(), run_parameters_.end(),
+                       [&](const ParameterInfo& info) { return info.name == wish.name; });
+      if (parameter == run_parameters_.end()) {
+        std::vector<std::string> known;
+        for (const ParameterInfo& info : run_parameters_) known.push_back(info.name);
+        refuse("no such parameter. " + KnownNames(wish.name, known));
+      }
+      ResolvedValue value;
+      if (!ParseValue(*parameter, NumberText(ParameterType::kReal, wish.number), &value)) {
+        refuse(Expectation(*parameter));
+      }
+      ResolvedValue& present =
+          run.values[static_cast<std::size_t>(parameter - run_parameters_.begin())];
+      if (wish.preset != preset_ || present.origin == ValueOrigin::kFile ||
+          present.origin == ValueOrigin::kCommandLine) {
+        continue;
+      }
+      present.number = value.number;
+      present.origin = ValueOrigin::kModel;
+    }
+    return run;
+  }
+
   // What no single range can say.
-  void CheckRun() const {
-    const ResolvedValues& run = targets_[0].values;
+  static void CheckRun(const ResolvedValues& run) {
     const std::uint64_t steps = run.Integer("steps"), repeat = run.Integer("action_repeat");
     if (steps % repeat == 0) return;
     const bool from_file = run.Find("steps")->origin == ValueOrigin::kFile ||
@@ -395,6 +431,7 @@ class Resolver {
   std::deque<Target> targets_;  // the host's first; addresses stay
   std::vector<std::size_t> environments_, planners_, models_;
   std::optional<std::size_t> eval_planner_;
+  std::vector<ResolvedValues> runs_;  // as models_
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 // settings.h - from names and key=value pairs to runs with every value resolved.
 //
-// Values resolve as default < preset < configuration file < command line. In one
+// Values resolve as default < preset < configuration file < command line; a value of the
+// runner's own, `run.*`, as default < preset < the model's < file < command line. In one
 // source a key that names a component (mcts_pw.k, planner/mcts_pw.k) wins over
 // one that names a kind (planner.k).
 #pragma once
@@ -17,7 +18,7 @@ namespace dreamsearch {
 // The cross product seed x environment x planner x model, in that order, the
 // last fastest. Errors: kUsage, or kBadInput when the value is the file's;
 // kNotFound and kPluginRefused from Catalogue::Find. Where `base` is given, its
-// components' values and `run` stand where the preset's would.
+// components' values and `run` stand where the preset's and the model's would.
 std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
                                    const RunSpec* base = nullptr);
 

@@ -93,12 +93,12 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.2, found "
+  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.3, found "
                          "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
   refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"expected SDK version 0.2, found 7.2"});
-  refused("newer_minor", {"expected SDK version 0.2, found 0.3"});
-  refused("older_minor", {"expected SDK version 0.2, found 0.1"});
+  refused("other_major_field", {"expected SDK version 0.3, found 7.3"});
+  refused("newer_minor", {"expected SDK version 0.3, found 0.4"});
+  refused("older_minor", {"expected SDK version 0.3, found 0.2"});
   refused("short_descriptor",
           {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
   refused("interface_revision", {"interface revision 2, found 3"});
@@ -111,6 +111,11 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
 // --- declarations ------------------------------------------------------------
 
 Status MakeNoEnvironment(const EnvironmentContext&, Environment** result) noexcept {
+  *result = nullptr;
+  return OkStatus();
+}
+
+Status MakeNoModel(const ModelContext&, Model** result) noexcept {
   *result = nullptr;
   return OkStatus();
 }
@@ -162,6 +167,30 @@ TEST(CheckPluginDescriptor, WantsTraitsOfTheKindAndNoneThatContradictEachOther) 
   ExpectMessage(CheckChanged([](auto* c) { c->traits = kSearches | kActorAlone; }), kRefused,
                 {"expected kSearches or kActorAlone, found both"});
   EXPECT_EQ(CheckChanged([](auto* c) { c->traits = kActorAlone; }).code(), ExitCode::kOk);
+}
+
+TEST(CheckPluginDescriptor, RefusesRunPresetsThatAreNoModelsOrNotClear) {
+  static constexpr RunPreset kOne[] = {{"batch_size", "fast", 256}};
+  static constexpr RunPreset kTwice[] = {{"batch_size", "fast", 256}, {"batch_size", "fast", 128}};
+  static constexpr RunPreset kInfinite[] = {
+      {"batch_size", "fast", std::numeric_limits<double>::infinity()}};
+  static constexpr RunPreset kNameless[] = {{"batch_size", nullptr, 1}};
+  const auto as_model = [](ComponentDescriptor* c, View<const RunPreset> presets) {
+    c->kind = ComponentKind::kModel;
+    c->traits = kLearns;
+    c->create_planner = nullptr;
+    c->create_model = MakeNoModel;
+    c->run_presets = presets;
+  };
+  EXPECT_EQ(CheckChanged([&](auto* c) { as_model(c, ViewOf(kOne)); }).code(), ExitCode::kOk);
+  ExpectMessage(CheckChanged([](auto* c) { c->run_presets = ViewOf(kOne); }), kRefused,
+                {"run presets are for models only"});
+  ExpectMessage(CheckChanged([&](auto* c) { as_model(c, ViewOf(kTwice)); }), kRefused,
+                {"batch_size", "'fast'", "found two"});
+  ExpectMessage(CheckChanged([&](auto* c) { as_model(c, ViewOf(kInfinite)); }), kRefused,
+                {"expected a finite number"});
+  ExpectMessage(CheckChanged([&](auto* c) { as_model(c, ViewOf(kNameless)); }), kRefused,
+                {"its preset"});
 }
 
 TEST(CheckPluginDescriptor, WantsNamesThatAreUniqueInAKind) {

@@ -34,6 +34,22 @@ constexpr ParameterSpec kSearch[] = {
 constexpr ParameterSpec kBridge[] = {TextParameter("id", "none", "What to play.")};
 constexpr ParameterSpec kCem[] = {IntParameter("candidates", 1000, 1, 100000, "", "Sequences.")};
 
+constexpr RunPreset kWishes[] = {{"batch_size", "fast", 256},
+                                 {"sequence_length", "fast", 4},
+                                 {"batch_size", "paper", 128},
+                                 {"action_repeat", "paper", 4}};
+constexpr RunPreset kUnknown[] = {{"batch_sise", "fast", 256}};
+constexpr RunPreset kTooLarge[] = {{"batch_size", "paper", 5000}};
+
+constexpr ComponentDescriptor ModelOf(const char* name, View<const RunPreset> run_presets) {
+  return {.kind = ComponentKind::kModel,
+          .traits = kLearns,
+          .name = name,
+          .version = "1",
+          .summary = "A model.",
+          .run_presets = run_presets,
+          .create_model = NoModel};
+}
 constexpr ComponentDescriptor Task(const char* name, const char* aliases,
                                    View<const ParameterSpec> parameters = ViewOf(kTask)) {
   return {.kind = ComponentKind::kEnvironment,
@@ -75,6 +91,9 @@ constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
                                                 .version = "1",
                                                 .summary = "A model that must be named.",
                                                 .create_model = NoModel},
+                                               ModelOf("wishing", ViewOf(kWishes)),
+                                               ModelOf("misspelling", ViewOf(kUnknown)),
+                                               ModelOf("exaggerating", ViewOf(kTooLarge)),
                                                PlannerOf("dreamer", ViewOf(kActor)),
                                                PlannerOf("mcts_pw", ViewOf(kSearch)),
                                                PlannerOf("cem", ViewOf(kCem))};

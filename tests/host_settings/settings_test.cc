@@ -86,6 +86,56 @@ TEST(ResolveMatrix, DefaultIsBelowPresetBelowFileBelowCommandLine) {
   EXPECT_EQ(Resolve(Base()).action_repeat(), 2u);
 }
 
+TEST(ResolveMatrix, AModelsRunValuesStandAboveThePresetAndBelowFileAndCommandLine) {
+  Options options = Base();
+  options.models = {"wishing"};
+  const RunSpec wished = Resolve(options);
+  EXPECT_EQ(wished.run.Integer("batch_size"), 256u);
+  EXPECT_EQ(wished.run.Find("batch_size")->origin, ValueOrigin::kModel);
+  EXPECT_EQ(wished.run.Integer("sequence_length"), 4u);
+  EXPECT_EQ(wished.run.Integer("train_every"), Resolve(Base()).run.Integer("train_every"));
+  options.preset = "paper";
+  EXPECT_EQ(Resolve(options).run.Integer("batch_size"), 128u);
+  EXPECT_EQ(Resolve(options).run.Integer("sequence_length"), 50u);  // the runner's
+  EXPECT_EQ(Resolve(options).action_repeat(), 4u);
+  options.preset = "fast";
+  options.settings = {File("run.batch_size", "32"), CommandLine("run.sequence_length", "9")};
+  const RunSpec set = Resolve(options);
+  EXPECT_EQ(set.run.Integer("batch_size"), 32u);
+  EXPECT_EQ(set.run.Find("batch_size")->origin, ValueOrigin::kFile);
+  EXPECT_EQ(set.run.Integer("sequence_length"), 9u);
+  // A recorded run keeps what it was resolved to.
+  const RunSpec restored = RunSpecFromJson(ToJson(set));
+  EXPECT_EQ(CanonicalJson(restored), CanonicalJson(set));
+  options.settings.clear();
+  EXPECT_EQ(ResolveMatrix(options, TestCatalogue(), &set).at(0).run.Integer("batch_size"), 32u);
+}
+
+TEST(ResolveMatrix, ModelsOfOneCommandEachHaveTheirRunValues) {
+  Options options = Base();
+  options.models = {"wishing", "dreamer"};
+  const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
+  ASSERT_EQ(runs.size(), 2u);
+  EXPECT_EQ(runs[0].run.Integer("batch_size"), 256u);
+  EXPECT_EQ(runs[1].run.Integer("batch_size"), 16u);
+  EXPECT_EQ(runs[1].run.Find("batch_size")->origin, ValueOrigin::kPreset);
+  // What the model asks for is checked with the rest of its runs' values.
+  options.preset = "paper";
+  options.settings = {CommandLine("run.steps", "1002")};
+  ExpectRefusal([&] { ResolveMatrix(options, TestCatalogue()); }, ExitCode::kUsage,
+                {"run.action_repeat = 4", "1002"});
+}
+
+TEST(ResolveMatrix, RefusesAModelThatAsksForWhatTheRunnerDoesNotHave) {
+  Options options = Base();
+  options.models = {"misspelling"};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kPluginRefused,
+                {"model 'misspelling' asks for run.batch_sise = 256", "batch_size"});
+  options.models = {"exaggerating"};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kPluginRefused,
+                {"run.batch_size = 5000", "an integer from 1 to 4096"});
+}
+
 TEST(ResolveMatrix, ANameWinsOverAKindInOneSourceInAnyOrder) {
   for (const bool name_first : {true, false}) {
     std::vector<Setting> settings = {CommandLine("mcts_pw.simulations", "7"),

@@ -95,6 +95,15 @@ struct PlannerContext {
   std::uint64_t latent_bytes = 0;  // of the model it will plan with
 };
 
+// What a model asks of the host under a preset: the value of one of the host's own parameters,
+// `run.*` (`runner describe run` lists them). It stands above what the host declares for the
+// preset and below configuration file and command line.
+struct RunPreset {
+  const char* name = nullptr;    // of the parameter: "batch_size"
+  const char* preset = nullptr;  // "fast"
+  double number = 0;
+};
+
 // Factories return an object that its Destroy() ends, or a failed Status that
 // says what is wrong with the settings; *result is then null.
 using EnvironmentFactory = Status (*)(const EnvironmentContext& context,
@@ -111,7 +120,8 @@ struct ComponentDescriptor {
   const char* version = nullptr;  // of the component
   const char* summary = nullptr;  // one line
   View<const ParameterSpec> parameters;
-  View<const MetricSpec> metrics;  // what Plan or Train reports
+  View<const MetricSpec> metrics;     // what Plan or Train reports
+  View<const RunPreset> run_presets;  // models only
   EnvironmentFactory create_environment = nullptr;
   ModelFactory create_model = nullptr;
   PlannerFactory create_planner = nullptr;
@@ -143,6 +153,7 @@ constexpr std::uint64_t LayoutTag() noexcept {
                                    sizeof(EnvironmentContext),
                                    sizeof(ModelContext),
                                    sizeof(PlannerContext),
+                                   sizeof(RunPreset),
                                    sizeof(ComponentDescriptor)}) {
     tag = tag * 1099511628211ull ^ size;
   }
