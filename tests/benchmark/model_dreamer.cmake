@@ -44,4 +44,8 @@ dreamsearch_add_benchmark(products_benchmark
 
 dreamsearch_add_benchmark(model_dreamer_benchmark
   SOURCES model_dreamer_benchmark.cc LINK dreamer_model dreamsearch_yardstick)
-target_include_directories(model_dreamer_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/../model_dreamer)
+target_include_directories(model_dreamer_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/../networks)
+
+dreamsearch_add_benchmark(model_tdmpc_benchmark
+  SOURCES model_tdmpc_benchmark.cc LINK tdmpc_model dreamsearch_yardstick)
+target_include_directories(model_tdmpc_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/../networks)

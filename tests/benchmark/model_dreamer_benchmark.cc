@@ -2,37 +2,23 @@
 // for both presets on a task of walker's size (24 observations, 6 actions).
 //
 //   model_dreamer_benchmark --benchmark_filter=Update
-//
-// GFLOP/s counts two operations a multiply-add of the matrix products; everything
-// else is free in this count. `share` is that rate over the machine's own limit: 1024 x
-// 1024 x 1024 by the faster of Eigen and oneDNN, timed in this process before the first
-// case.
+// What is counted stands in laps.h.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <ctime>
 #include <string>
 #include <vector>
 
 #include "batches.h"
+#include "laps.h"
 #include "plugins/model_dreamer/dreamer.h"
-#include "yardstick.h"
 
 namespace dreamsearch::dreamer {
 namespace {
 
 constexpr Index kObservations = 24;
 constexpr Index kActions = 6;
-
-// Seconds; of this thread's processor time if not said otherwise, so that a busy machine
-// disturbs less.
-double Now(clockid_t clock = CLOCK_THREAD_CPUTIME_ID) {
-  std::timespec time;
-  clock_gettime(clock, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 // Multiply-adds of one column through each network.
 struct Work {
@@ -84,30 +70,6 @@ struct Setup {
   OwnedBatch batch;
   double columns = 0;
   double starts = 0;
-};
-
-// Operations of something that took `seconds`, their rate, and its share of the limit.
-void Report(benchmark::State& state, double flops, double seconds, const std::string& part = "") {
-  state.counters[part + "GFLOP"] = flops * 1e-9;
-  state.counters[part + "GFLOP/s"] = flops * 1e-9 / seconds;
-  state.counters[part + "share"] = flops / seconds / MachineLimit();
-}
-
-// Seconds of an iteration so far: processor time of this thread, or wall time. The limit is
-// measured before, so as not to count.
-class Lap {
- public:
-  explicit Lap(clockid_t clock = CLOCK_THREAD_CPUTIME_ID) : clock_(clock) {
-    MachineLimit();
-    begin_ = Now(clock_);
-  }
-  double Each(const benchmark::State& state) const {
-    return (Now(clock_) - begin_) / static_cast<double>(state.iterations());
-  }
-
- private:
-  clockid_t clock_;
-  double begin_ = 0;
 };
 
 void Update(benchmark::State& state, const char* preset, const char* precision, Index threads = 1) {
@@ -230,15 +192,4 @@ BENCHMARK_CAPTURE(Transition, paper_float, "paper", "float")
 }  // namespace
 }  // namespace dreamsearch::dreamer
 
-int main(int argc, char** argv) {
-  dreamsearch::LibraryProducts(argv);
-  std::string fastest;
-  const double limit = dreamsearch::MachineLimit(&fastest);
-  std::printf("instruction set %s; large product %.1f GFLOP/s (%s)\n",
-              dreamsearch::InstructionSetName(dreamsearch::ChosenInstructionSet()), limit * 1e-9,
-              fastest.c_str());
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}
+int main(int argc, char** argv) { return dreamsearch::RunBenchmarks(argc, argv); }

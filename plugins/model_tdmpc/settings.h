@@ -1,0 +1,64 @@
+// settings.h - the declared parameters of the model and their resolved values.
+//
+// settings.cc declares each parameter once, with its default (the preset `fast`),
+// its value under `paper`, range, unit, help and source. Settings holds the values
+// of one model, and none before it is given them.
+#pragma once
+
+#include "dreamsearch/parameter.h"
+#include "plugins/networks/categorical.h"
+#include "plugins/networks/presets.h"
+
+namespace dreamsearch::tdmpc {
+
+// The model is written in terms of what learned models share.
+using namespace networks;
+
+struct Settings {
+  // Sizes.
+  Index latent{};  // L
+  Index encoder_width{};
+  Index encoder_layers{};
+  Index width{};
+  Index layers{};
+  Index critics{};  // K
+  Bins bins;
+
+  // Losses.
+  bool normalise_observations{};
+  double observation_floor{};
+  double observation_clip{};
+  double rho{};
+  double consistency_weight{};
+  double reward_weight{};
+  double value_weight{};
+  double continuation_weight{};
+  double discount{};
+  bool target_of_all{};
+  double target_rate{};
+  double min_log_std{};
+  double max_log_std{};
+  double entropy_scale{};
+  double return_scale_rate{};
+
+  // Optimiser.
+  double learning_rate{};
+  double encoder_rate_factor{};
+  double actor_learning_rate{};
+  double adam_epsilon{};
+  double actor_adam_epsilon{};
+  double gradient_clip{};
+  bool bfloat16{};
+  bool bfloat16_planning{};
+};
+
+// Every parameter of the component.
+View<const ParameterSpec> DeclaredParameters();
+
+// The resolved values of a model.
+Settings SettingsFrom(const Parameters& parameters);
+
+// The values of a preset: "fast" or "paper".
+Settings PresetSettings(const char* preset);
+
+}  // namespace dreamsearch::tdmpc

@@ -1,0 +1,112 @@
+// Time of an update of the model tdmpc, and of what planners ask, for both presets on a task of
+// walker's size (24 observations, 6 actions). What is counted stands in laps.h.
+//
+//   model_tdmpc_benchmark --benchmark_filter=Update
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "batches.h"
+#include "laps.h"
+#include "plugins/model_tdmpc/tdmpc.h"
+
+namespace dreamsearch::tdmpc {
+namespace {
+
+constexpr Index kObservations = 24;
+constexpr Index kActions = 6;
+constexpr Index kSequences = 256;
+constexpr Index kLength = 4;
+
+// Multiply-adds of one column through each network.
+struct Work {
+  explicit Work(const Settings& s) {
+    const auto d = [](Index x) { return static_cast<double>(x); };
+    const double u = d(s.width), l = d(s.latent), bins = d(s.bins.count);
+    const double hidden = u * u * (d(s.layers) - 1);
+    const double in = (l + kActions) * u + hidden;
+    encoder = kObservations * d(s.encoder_width) +
+              d(s.encoder_width) * d(s.encoder_width) * (d(s.encoder_layers) - 1) +
+              d(s.encoder_width) * l;
+    dynamics = in + u * l;
+    reward = critic = in + u * bins;
+    actor = l * u + hidden + u * 2 * kActions;
+    critics = d(s.critics);
+  }
+  // Forward, gradient of the input and of the weights: three times forward.
+  double update() const {
+    const double b = kSequences, steps = kLength - 1;
+    const double model =
+        b * (steps + 3) * encoder + 3 * b * steps * (dynamics + reward + critics * critic);
+    const double targets = b * steps * (actor + std::min(critics, 2.0) * critic);
+    return model + targets + b * (steps + 1) * (3 * actor + 2 * critics * critic);
+  }
+  double encoder, dynamics, reward, critic, actor, critics;
+};
+
+void Update(benchmark::State& state, const char* preset, Index threads = 1) {
+  const Settings settings = PresetSettings(preset);
+  Learner<float> learner(settings, kObservations, kActions, 1);
+  learner.SetThreads(threads);
+  OwnedBatch batch = RandomBatch(kSequences, kLength, kObservations, kActions, 3);
+  std::fill(batch.discounts.begin(), batch.discounts.end(), 1.0f);
+  UpdateLosses losses{};
+  std::uint64_t update = 0;
+  const Lap lap(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC);
+  for (auto _ : state) {
+    const Status status = learner.Update({batch.view(), update, update, 0}, &losses);
+    if (!status.ok()) state.SkipWithError(status.message);
+    ++update;
+  }
+  Report(state, 2 * Work(settings).update(), lap.Each(state));
+}
+BENCHMARK_CAPTURE(Update, fast, "fast")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, fast_2_threads, "fast", 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(Update, paper, "paper")->Unit(benchmark::kMillisecond);
+
+// One transition with its value and one proposed action a latent, at `rows` latents.
+void Transition(benchmark::State& state, const char* preset) {
+  const Settings settings = PresetSettings(preset);
+  Tdmpc* model = new Tdmpc(settings, kObservations, kActions, 1);
+  const auto rows = static_cast<std::uint64_t>(state.range(0));
+  const std::uint64_t bytes = model->latent_bytes();
+  Buffer<float> memory;
+  const auto floats = static_cast<Index>(rows * bytes / sizeof(float));
+  memory.Reserve(2 * floats);
+  const Latents from{reinterpret_cast<std::byte*>(memory.data()), rows, bytes};
+  const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
+  std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
+  std::vector<std::uint64_t> row_seeds(rows, 1);
+  const View<const std::uint64_t> seeds{row_seeds.data(), rows};
+  const Lap lap;
+  for (auto _ : state) {
+    bool ok = model
+                  ->Imagine({from, {actions.data(), rows, kActions}, seeds},
+                            {to, {rewards.data(), rows}, {discounts.data(), rows}})
+                  .ok();
+    ok &= model->Value(to, {.values = {values.data(), rows}}).ok();
+    ok &= model->ProposeSamples(to, seeds, {actions.data(), rows, kActions}).ok();
+    if (!ok) state.SkipWithError("a call failed");
+  }
+  const Work work(settings);
+  const double each = work.dynamics + work.reward + work.critics * work.critic + 2 * work.actor;
+  Report(state, 2 * static_cast<double>(rows) * each, lap.Each(state));
+  model->Destroy();
+}
+BENCHMARK_CAPTURE(Transition, fast, "fast")
+    ->Arg(1)
+    ->Arg(64)
+    ->Arg(512)
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(Transition, paper, "paper")
+    ->Arg(1)
+    ->Arg(64)
+    ->Arg(512)
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace dreamsearch::tdmpc
+
+int main(int argc, char** argv) { return dreamsearch::RunBenchmarks(argc, argv); }

@@ -1,0 +1,290 @@
+#!/usr/bin/env python3
+"""The update of TD-MPC2's networks with PyTorch, in double.
+
+    golden.py FOLDER
+
+reads FOLDER/NAME_input.json and writes FOLDER/NAME_output.json. The formulas are
+those of the paper and of the settings' help, written with torch's own layers,
+distributions, derivatives and optimiser; nothing is shared with the C++ model but
+names, shapes and the order of the draws.
+
+Sequences are [T, B]: time first.
+"""
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import torch
+from torch.distributions import Normal
+from torch.distributions.transforms import TanhTransform
+from torch.nn import functional as F
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "networks"))
+from golden_tools import plain, text  # noqa: E402
+
+torch.set_default_dtype(torch.float64)
+torch.set_num_threads(1)
+
+SETTINGS = {
+    "simplices", "encoder_width", "encoder_layers", "width", "layers", "critics", "bins",
+    "bin_range", "normalise_observations", "observation_floor", "observation_clip", "rho",
+    "consistency_weight", "reward_weight", "value_weight", "continuation_weight", "discount",
+    "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale", "return_scale_rate",
+    "learning_rate", "encoder_rate_factor", "actor_learning_rate", "adam_epsilon",
+    "actor_adam_epsilon", "gradient_clip",
+}
+
+
+def symlog(x):
+    return x.sign() * torch.log(1 + x.abs())
+
+
+def symexp(x):
+    return x.sign() * (x.abs().exp() - 1)
+
+
+class Networks:
+    """The layers, over a dictionary of tensors by their exported names."""
+
+    def __init__(self, settings, tensors):
+        self.s = settings
+        self.p = tensors
+        self.bins = torch.linspace(-settings.bin_range, settings.bin_range, settings.bins)
+
+    def affine(self, name, x):
+        return F.linear(x, self.p[name + ".weight"], self.p[name + ".bias"])
+
+    def normed(self, name, x):
+        y = self.affine(name, x)
+        return F.layer_norm(y, y.shape[-1:], self.p[name + ".norm_scale"],
+                            self.p[name + ".norm_shift"])
+
+    def hidden(self, name, layers, x):
+        for i in range(layers):
+            x = F.mish(self.normed(f"{name}.{i}", x))
+        return x
+
+    def latent(self, name, layers, x):
+        x = self.normed(f"{name}.{layers}", self.hidden(name, layers, x))
+        return F.softmax(x.unflatten(-1, (-1, 8)), -1).flatten(-2)
+
+    def encode(self, o):
+        return self.latent("encoder", self.s.encoder_layers, o)
+
+    def step(self, z, a):
+        return self.latent("dynamics", self.s.layers, torch.cat([z, a], -1))
+
+    def head(self, name, x):
+        return self.affine(name + ".out", self.hidden(name, self.s.layers, x))
+
+    def reward(self, z, a):
+        return self.head("reward", torch.cat([z, a], -1))
+
+    def critic(self, k, z, a):
+        return self.head(f"critic{k}", torch.cat([z, a], -1))
+
+    def continuation_logit(self, z):
+        return self.head("continuation", z).squeeze(-1) + 5
+
+    def actor(self, z):
+        m, c = self.head("actor", z).chunk(2, -1)
+        s = self.s
+        log_std = s.min_log_std + (s.max_log_std - s.min_log_std) * (torch.tanh(c) + 1) / 2
+        return Normal(m, log_std.exp())
+
+    def number(self, logits):
+        return symexp((F.softmax(logits, -1) * self.bins).sum(-1))
+
+    def cross_entropy(self, logits, target):
+        """From the two-hot distribution of the target: linear between neighbouring bins."""
+        y = symlog(target).clamp(-self.s.bin_range, self.s.bin_range)
+        width = self.bins[1] - self.bins[0]
+        two_hot = (1 - (y.unsqueeze(-1) - self.bins).abs() / width).clamp(min=0)
+        return -(two_hot * F.log_softmax(logits, -1)).sum(-1)
+
+
+class Agent:
+    def __init__(self, data):
+        values = dict(data["settings"])
+        if set(values) != SETTINGS:
+            raise SystemExit(f"settings that golden.py does not know: "
+                             f"{sorted(set(values) - SETTINGS)}; that are missing: "
+                             f"{sorted(SETTINGS - set(values))}")
+        self.s = s = SimpleNamespace(**values)
+        self.o, self.a = data["observation_size"], data["action_size"]
+        self.weights = {n: torch.tensor(v, requires_grad=True) for n, v in data["weights"].items()}
+        self.target = {n: torch.tensor(v) for n, v in data["target"].items()}
+        self.nets, self.slow = Networks(s, self.weights), Networks(s, self.target)
+        actor = [n for n in self.weights if n.startswith("actor.")]
+        encoder = [n for n in self.weights if n.startswith("encoder.")]
+        others = [n for n in self.weights if n not in actor and n not in encoder]
+        self.groups = {"model": encoder + others, "actor": actor}
+        self.optimisers = {
+            "model": torch.optim.Adam(
+                [{"params": [self.weights[n] for n in encoder],
+                  "lr": s.learning_rate * s.encoder_rate_factor},
+                 {"params": [self.weights[n] for n in others]}],
+                lr=s.learning_rate, eps=s.adam_epsilon),
+            "actor": torch.optim.Adam([self.weights[n] for n in actor],
+                                      lr=s.actor_learning_rate, eps=s.actor_adam_epsilon),
+        }
+        self.seen = []  # raw observations of all batches
+        self.ends_seen = False
+        self.range = None  # moving average of the values' 5 to 95 percent range
+
+    def standardise(self, raw):
+        """By mean and variance over all training batches, this one among them."""
+        s = self.s
+        self.seen.append(raw.reshape(-1, self.o))
+        if not s.normalise_observations:
+            return raw
+        seen = torch.cat(self.seen)
+        deviation = seen.var(0, unbiased=False).sqrt().clamp(min=s.observation_floor)
+        return ((raw - seen.mean(0)) / deviation).clamp(-s.observation_clip, s.observation_clip)
+
+    def model_loss(self, update, report):
+        s, nets = self.s, self.nets
+        b, t = update["sequences"], update["length"]
+        steps = t - 1
+
+        def sequence(name, *shape):  # rows are sequence by sequence
+            values = torch.as_tensor(update[name], dtype=torch.get_default_dtype())
+            return values.reshape(b, t, *shape).transpose(0, 1)
+
+        observations = self.standardise(sequence("observations", self.o))
+        # What led to an observation belongs to the decision before it.
+        actions, rewards = sequence("actions", self.a)[1:], sequence("rewards")[1:]
+        discounts = sequence("discounts")
+        self.ends_seen = self.ends_seen or bool((discounts == 0).any())
+        encoded = nets.encode(observations)
+        arrived = encoded[1:].detach()
+        with torch.no_grad():
+            noise = torch.as_tensor(update["target_noise"]).reshape(steps, b, self.a)
+            policy = nets.actor(arrived)
+            action = torch.tanh(policy.mean + policy.stddev * noise)
+            least = torch.stack([nets.number(self.slow.critic(k, arrived, action))
+                                 for k in update["target_critics"]]).amin(0)
+            targets = rewards + s.discount * discounts[1:] * least
+
+        latents = [encoded[0]]
+        for step in range(steps):
+            latents.append(nets.step(latents[-1], actions[step]))
+        latents = torch.stack(latents)
+        before, after = latents[:-1], latents[1:]
+        rho = s.rho ** torch.arange(steps).unsqueeze(-1)
+        # A step counts until the first that arrives in another episode.
+        inside = (sequence("is_first")[1:] == 0).double().cumprod(0)
+        count = inside.sum()
+        self.inside = torch.cat([torch.ones(1, b), inside])
+
+        def mean(values):
+            return (inside * values).sum() / count
+
+        def over_time(losses):  # [H, B]
+            return mean(rho * losses)
+
+        consistency = over_time(((after - arrived) ** 2).mean(-1))
+        reward = over_time(nets.cross_entropy(nets.reward(before, actions), rewards))
+        value = sum(over_time(nets.cross_entropy(nets.critic(k, before, actions), targets))
+                    for k in range(s.critics)) / s.critics
+        continuation = torch.zeros(())
+        if self.ends_seen:
+            continuation = mean(F.binary_cross_entropy_with_logits(
+                nets.continuation_logit(after), discounts[1:], reduction="none"))
+        loss = (s.consistency_weight * consistency + s.reward_weight * reward +
+                s.value_weight * value + s.continuation_weight * continuation)
+        report["losses"] = dict(consistency_loss=consistency, reward_loss=reward,
+                                value_loss=value, continuation_loss=continuation, model_loss=loss,
+                                target_mean=mean(targets))
+        report["scales"] = {"target_mean": mean(targets.abs())}
+        report.update(latents=encoded.detach().reshape(t * b, -1), targets=targets.flatten())
+        report["covers"] = {
+            "observations clipped": int((observations.abs() == s.observation_clip).sum()),
+            "targets beyond the bins": int((symlog(targets).abs() > s.bin_range).sum()),
+            "episodes end": self.ends_seen,
+            "steps inside": f"{int(count)} of {steps * b}",
+        }
+        return latents.detach(), loss
+
+    def actor_loss(self, update, latents, report):
+        s, nets = self.s, self.nets
+        noise = torch.as_tensor(update["actor_noise"]).reshape(*latents.shape[:2], self.a)
+        policy = nets.actor(latents)
+        u = policy.mean + policy.stddev * noise
+        action = torch.tanh(u)
+        correction = TanhTransform().log_abs_det_jacobian(u, action)
+        entropy = -(policy.log_prob(u) - correction).sum(-1)
+        values = sum(nets.number(nets.critic(k, latents, action))
+                     for k in range(s.critics)) / s.critics
+        scale = 1.0 if self.range is None else max(1.0, self.range)
+        rho = s.rho ** torch.arange(len(latents)).unsqueeze(-1)
+
+        def mean(numbers):
+            return (self.inside * numbers).sum() / self.inside.sum()
+
+        gains = rho * (values / scale + s.entropy_scale * self.a * entropy)
+        first = values[0].detach()
+        width = float(torch.quantile(first, 0.95) - torch.quantile(first, 0.05))
+        old = width if self.range is None else self.range
+        self.range = old + s.return_scale_rate * (width - old)
+        report["losses"].update(actor_loss=-mean(gains), value_mean=mean(values),
+                                actor_entropy=mean(entropy),
+                                actor_std=mean(policy.stddev.mean(-1)))
+        # Means of terms of either sign may nearly cancel: the terms' mean size.
+        report["scales"].update(actor_loss=mean(gains.abs()), value_mean=mean(values.abs()),
+                                actor_entropy=mean(entropy.abs()))
+        report["return_range"] = self.range
+        report["covers"]["return scale"] = scale
+        return -mean(gains)
+
+    def update(self, update):
+        s = self.s
+        report = {}
+        latents, model = self.model_loss(update, report)
+        actor = self.actor_loss(update, latents, report)
+        gradients = {}
+        for group, loss in (("model", model), ("actor", actor)):
+            names = self.groups[group]
+            found = torch.autograd.grad(loss, [self.weights[n] for n in names], retain_graph=True,
+                                        allow_unused=True)
+            found = [torch.zeros_like(self.weights[n]) if g is None else g
+                     for n, g in zip(names, found)]
+            gradients.update(zip(names, found))
+            norm = float(torch.cat([g.flatten() for g in found]).norm())
+            report["losses"][group + "_gradient_norm"] = norm
+            report["covers"][group + " clipped"] = norm > s.gradient_clip
+            for name, gradient in zip(names, found):
+                self.weights[name].grad = gradient * min(1.0, s.gradient_clip / norm)
+        report["gradient_norms"] = {n: g.norm() for n, g in gradients.items()}
+        # Both at once: every gradient above belongs to the same weights.
+        for optimiser in self.optimisers.values():
+            optimiser.step()
+        for name, slow in self.target.items():
+            slow += s.target_rate * (self.weights[name].detach() - slow)
+        return report, gradients
+
+
+def main(folder):
+    for path in sorted(folder.glob("*_input.json")):
+        data = json.loads(path.read_text())
+        agent = Agent(data)
+        before = {n: w.detach().clone() for n, w in agent.weights.items()}
+        target_before = {n: w.clone() for n, w in agent.target.items()}
+        output = {"updates": []}
+        for number, update in enumerate(data["updates"], 1):
+            report, gradients = agent.update(update)
+            print(path.name, "update", number, report.pop("covers"))
+            output["updates"].append(report)
+        output["gradients"] = gradients  # of the last update, before clipping
+        output["step_norms"] = {n: (w - before[n]).norm() for n, w in agent.weights.items()}
+        output["target_step_norms"] = {n: (w - target_before[n]).norm()
+                                       for n, w in agent.target.items()}
+        target = path.with_name(path.name.replace("_input", "_output"))
+        target.write_text(text(plain(output)) + "\n")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        raise SystemExit("usage: golden.py FOLDER")
+    main(Path(sys.argv[1]))
