@@ -106,10 +106,11 @@ void PrintRunPresets(const ComponentInfo& component) {
     value.number = preset.number;
     presets[preset.name].push_back(preset.preset + "=" + ValueText(value));
   }
-  TextTable table(2);
-  table.Row({"NAME", "PRESETS"});
-  for (const auto& [name, values] : presets) table.Row({"run." + name, JoinNames(values)});
-  table.Print(std::cout);
+  results::Table table = {{"NAME", "PRESETS"}, {}};
+  for (const auto& [name, values] : presets) {
+    table.rows.push_back({"run." + name, JoinNames(values)});
+  }
+  Print(table);
 }
 
 void PrintComponent(const ComponentInfo& component) {

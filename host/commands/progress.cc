@@ -41,9 +41,9 @@ std::string ProgressDisplay::Format(const ActiveLine& line) const {
   const RunProgress& progress = line.progress;
   const auto target = static_cast<double>(line.env_steps_target);
   const auto made = static_cast<double>(progress.env_step);
-  std::string text = line.label + "  " + FormatNumber("%3.0f%%", target > 0 ? 100 * made / target : 0) +
-                     "  " + GroupDigits(progress.env_step) + " of " +
-                     GroupDigits(line.env_steps_target) + " steps";
+  std::string text =
+      line.label + "  " + FormatNumber("%3.0f%%", target > 0 ? 100 * made / target : 0) + "  " +
+      GroupDigits(progress.env_step) + " of " + GroupDigits(line.env_steps_target) + " steps";
   if (line.rate > 0) text += "  " + FormatNumber("%.0f steps/s", line.rate);
   if (std::isfinite(progress.training_return)) {
     text += "  return " + FormatNumber("%.1f", progress.training_return);

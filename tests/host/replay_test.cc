@@ -189,7 +189,8 @@ TEST(Replay, SaysWhatDoesNotFit) {
     replay.Sample(1, 50, 0);
     FAIL();
   } catch (const Failure& error) {
-    EXPECT_NE(std::string(error.what()).find("at most the 10 observations"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("at most the 10 observations"), std::string::npos)
+        << error.what();
   }
 }
 
