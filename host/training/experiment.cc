@@ -62,7 +62,8 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
     actor_players_ = players(EpisodePlayers::Who::kActor);
   }
 
-  const std::uint64_t episode_steps = environment_->spec().episode_steps;
+  const std::uint64_t episode_steps =
+      std::min<std::uint64_t>(environment_->spec().episode_steps, target_);
   plan_us_.reserve(episode_steps);
   episode_actions_.reserve(episode_steps * environment_->spec().action_size);
 

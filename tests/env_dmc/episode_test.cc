@@ -1,10 +1,12 @@
 // The episode: its length, its refusals, and what the engine's complaints become.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <string>
 
 #include "episode_driver.h"
 
@@ -102,8 +104,8 @@ class EngineComplaint : public testing::Test {
  protected:
   EngineComplaint()
       : before_(std::filesystem::current_path()),
-        folder_(std::filesystem::path(testing::TempDir()) / "env_dmc_engine_complaint") {
-    std::filesystem::remove_all(folder_);
+        folder_(std::filesystem::path(testing::TempDir()) /
+                ("env_dmc_engine_complaint_" + std::to_string(::getpid()))) {
     std::filesystem::create_directory(folder_);
     std::filesystem::current_path(folder_);
   }
