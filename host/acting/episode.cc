@@ -34,8 +34,13 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
   HeldAction held;
   StepResult step;
   for (std::uint64_t i = 0; i < most_steps && !step.last; ++i) {
-    ThrowUnlessOk(environment->Step({bounded.data(), bounded.size()}, observation, &step),
-                  "environment '" + name + "' Step");
+    const Status status = environment->Step({bounded.data(), bounded.size()}, observation, &step);
+    if (status.code == StatusCode::kDiverged) {
+      held.diverged = "environment '" + name + "': " + status.message;
+      held.last = true;
+      return held;
+    }
+    ThrowUnlessOk(status, "environment '" + name + "' Step");
     ++held.steps;
     held.reward += step.reward;
   }
@@ -133,6 +138,10 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
         agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
     if (course.decided) course.decided(index, t, decision, *agent);
     held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
+    if (!held.diverged.empty()) {
+      if (course.diverged) course.diverged(index, t, held.diverged);
+      break;
+    }
     row->length += static_cast<std::int64_t>(held.steps);
     row->episode_return += held.reward;
     digest.AddDecision(agent->action().data, agent->action().size, held.reward, decision.value);

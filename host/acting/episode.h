@@ -39,11 +39,15 @@ struct HeldAction {
   double discount = 1;
   bool last = false;
   std::uint64_t steps = 0;  // environment steps made
+  // What the environment said if it reported a divergence (kDiverged): the episode is over, and
+  // this action led nowhere. Empty: it did not.
+  std::string diverged;
 };
 
 // Applies an action of [-1, 1]^A for up to `most_steps` environment steps, at least
 // one, fewer if the episode ends. observation: [O], what it led to. `name` is the
-// environment's, for messages. Throws Failure 72 for what is not finite.
+// environment's, for messages. Throws Failure 72 for what is not finite although the environment
+// reported no divergence.
 HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
                       std::uint64_t most_steps, View<double> observation);
 
@@ -63,6 +67,9 @@ struct EpisodeCourse {
   std::function<TreeSink*(std::uint64_t index, std::uint64_t t)> tree;
   // After decision t of the agent. May be empty.
   std::function<void(std::uint64_t index, std::uint64_t t, const Decision&, const Agent&)> decided;
+  // The environment reported a divergence after `t` decisions: the row that follows has the
+  // return so far. May be empty.
+  std::function<void(std::uint64_t index, std::uint64_t t, const std::string& message)> diverged;
   // All of the row but phase, episode and env_step.
   std::function<void(std::uint64_t index, const results::EpisodeRow& row)> ended;
   // A Failure ended it. No further episode is taken in its place.

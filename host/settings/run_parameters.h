@@ -41,9 +41,14 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("fast", 16)
         .Preset("paper", 50),
     IntParameter("sequence_length", 32, 2, 1000, "decisions",
-                 "Decisions in a training sequence, all of one episode. [ours; paper: 50]")
+                 "Decisions in a training sequence. [ours; paper: 50]")
         .Preset("fast", 32)
         .Preset("paper", 50),
+    IntParameter("diverged_episodes", 10, 1, 1000000, "episodes",
+                 "Training episodes in a row that the simulator may end by a divergence before "
+                 "the run is given up. [ours]")
+        .Preset("fast", 10)
+        .Preset("paper", 10),
     IntParameter("eval_episodes", 5, 1, 1000, "episodes",
                  "Episodes of an evaluation, with the same initial states every time. [ours]")
         .Preset("fast", 5)

@@ -64,6 +64,7 @@ std::optional<Checkpoint> OpenAgent(const RunSpec& spec, const std::filesystem::
 
 // An episode that has ended.
 struct Evaluation::Played {
+  std::string diverged;  // what ended it, if that was a divergence
   results::EpisodeRow row;
   std::uint64_t decisions = 0;
   std::vector<double> metric_sums;
@@ -161,6 +162,10 @@ results::ResumePoint Evaluation::ResumePointOf(const Checkpoint& checkpoint,
 }
 
 void Evaluation::Record(const Played& played, double seconds) {
+  if (!played.diverged.empty()) {
+    writer_->AddEvent(static_cast<std::int64_t>(env_step()), "warning", "divergence",
+                      played.diverged);
+  }
   writer_->AddEpisode(played.row);
   ++at_.episodes;
   at_.decisions += played.decisions;
@@ -219,6 +224,10 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
         played.metric_sums[i] += player_agent.metrics()[i];
       }
+    };
+    course.diverged = [&](std::uint64_t index, std::uint64_t t, const std::string& message) {
+      playing[index].diverged = message + "; episode " + std::to_string(index) + " ended after " +
+                                std::to_string(t) + " decisions and has the return so far";
     };
     course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) {
       Played played = std::move(playing[index]);

@@ -135,9 +135,7 @@ void Experiment::Watch(RunStage stage) {
 
 void Experiment::BeginEpisode() {
   const ActivityScope scope(&clock_, Activity::kEnvironment);
-  const auto seed = static_cast<std::uint32_t>(
-      SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
-  ThrowUnlessOk(environment_->Reset(seed, {observation_.data(), observation_.size()}),
+  ThrowUnlessOk(environment_->Reset(EnvironmentSeed(), {observation_.data(), observation_.size()}),
                 "environment '" + spec_.environment.name() + "' Reset");
   if (!AllFinite({observation_.data(), observation_.size()})) {
     throw Failure(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
@@ -167,11 +165,7 @@ void Experiment::MakeDecision() {
     tree_.Clear();
     decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step,
                               options_.record_trees ? &tree_ : nullptr);
-    if (options_.record_trees) KeepTree(decision);
     std::copy(agent_->action().begin(), agent_->action().end(), action_.begin());
-    for (std::size_t i = 0; i < episode_metrics_.size(); ++i) {
-      episode_metrics_[i] += agent_->metrics()[i];
-    }
   }
   HeldAction held;
   {
@@ -180,9 +174,16 @@ void Experiment::MakeDecision() {
         HoldAction(environment_.get(), spec_.environment.name(), {action_.data(), action_.size()},
                    std::min<std::uint64_t>(target_ - at_.env_step, spec_.action_repeat()),
                    {observation_.data(), observation_.size()});
+    if (!held.diverged.empty()) return EndDivergedEpisode(held.diverged);
     replay_.Add({action_.data(), action_.size()}, held.reward, held.discount,
                 {observation_.data(), observation_.size()});
     episode_actions_.insert(episode_actions_.end(), action_.begin(), action_.end());
+  }
+  if (episode_.random == 0) {
+    if (options_.record_trees) KeepTree(decision);
+    for (std::size_t i = 0; i < episode_metrics_.size(); ++i) {
+      episode_metrics_[i] += agent_->metrics()[i];
+    }
   }
   at_.env_step += held.steps;
   ++at_.decisions;
@@ -216,7 +217,10 @@ void Experiment::MakeDecision() {
     WarnOfTerminalState();
   }
   if (!held.last) CheckLength(*environment_, spec_.environment.name(), episode_.length);
-  if (held.last || at_.env_step >= target_) FinishEpisode();
+  if (held.last || at_.env_step >= target_) {
+    at_.diverged_in_a_row = 0;
+    FinishEpisode();
+  }
 }
 
 void Experiment::WarnOfTerminalState() {
@@ -249,7 +253,7 @@ void Experiment::FinishEpisode() {
   row.model_transitions = Signed(agent_->transitions() - episode_.transitions_before);
   row.digest = episode_.digest;
   writer_->AddEpisode(row);
-  if (episode_.random == 0 && !options_.log_decisions) {
+  if (episode_.random == 0 && !options_.log_decisions && episode_.t > 0) {
     for (std::size_t i = 0; i < planner_metric_ids_.size(); ++i) {
       writer_->AddScalar(Signed(at_.env_step), planner_metric_ids_[i],
                          episode_metrics_[i] / static_cast<double>(episode_.t));
@@ -354,12 +358,21 @@ bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
     kept.episode = Signed(at_.evaluations * episodes + index);
     kept.env_step = Signed(at_.env_step);
   };
+  std::map<std::uint64_t, std::string> diverged;
+  course.diverged = [&](std::uint64_t index, std::uint64_t t, const std::string& message) {
+    diverged[index] = message + "; evaluation episode " +
+                      std::to_string(at_.evaluations * episodes + index) + " ended after " +
+                      std::to_string(t) + " decisions and has the return so far";
+  };
   course.failed = [&](std::uint64_t index, std::exception_ptr error) {
     faults.Add(index, std::move(error));
   };
   players->Play(course, at_.env_step);
   if (ended < faults.FirstOr(episodes) && stop_->load(std::memory_order_relaxed)) return false;
   faults.RethrowFirst();
+  for (const auto& [index, message] : diverged) {
+    writer_->AddEvent(Signed(at_.env_step), "warning", "divergence", message);
+  }
   return true;
 }
 

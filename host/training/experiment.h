@@ -81,6 +81,8 @@ class Experiment final : public Procedure {
     std::uint64_t decisions = 0;
     std::uint64_t training_episodes = 0;  // finished ones
     std::uint64_t terminal_states = 0;    // that ended one of them
+    std::uint64_t diverged_episodes = 0;  // that the environment ended by a divergence
+    std::uint64_t diverged_in_a_row = 0;  // the latest ones
     std::uint64_t evaluations = 0;        // finished ones
     std::uint64_t evaluation_episodes = 0;
     std::uint64_t events = 0;          // events recorded by the checkpoint
@@ -101,6 +103,8 @@ class Experiment final : public Procedure {
       (*archive)("decisions", &decisions);
       (*archive)("training_episodes", &training_episodes);
       (*archive)("terminal_states", &terminal_states);
+      (*archive)("diverged_episodes", &diverged_episodes);
+      (*archive)("diverged_in_a_row", &diverged_in_a_row);
       (*archive)("evaluations", &evaluations);
       (*archive)("evaluation_episodes", &evaluation_episodes);
       (*archive)("events", &events);
@@ -142,6 +146,10 @@ class Experiment final : public Procedure {
   void BeginEpisode();
   void MakeDecision();
   void WarnOfTerminalState();
+  // Ends the training episode because of what the environment reported; Failure 72 once too
+  // many in a row ended so.
+  void EndDivergedEpisode(const std::string& message);
+  void DumpEpisode(const std::string& message);
   void FinishEpisode();
   void AdjustThreads();
   void MakeUpdate();
@@ -161,6 +169,7 @@ class Experiment final : public Procedure {
   void SaveTrees(CheckpointWriter* file) const;
   void LoadEpisode(StateReader* part);
   void DumpDivergence(const std::string& message);
+  std::uint32_t EnvironmentSeed() const;  // of the training episode
 
   const RunSpec spec_;
   const Options options_;

@@ -4,7 +4,9 @@
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/system/json_text.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch {
 namespace {
@@ -85,6 +87,54 @@ void Experiment::DumpDivergence(const std::string& message) {
   writer_->Commit();
 }
 
+std::uint32_t Experiment::EnvironmentSeed() const {
+  return static_cast<std::uint32_t>(
+      SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
+}
+
+void Experiment::EndDivergedEpisode(const std::string& message) {
+  ++at_.diverged_episodes;
+  ++at_.diverged_in_a_row;
+  writer_->AddEvent(Signed(at_.env_step), "warning", "divergence",
+                    message + "; training episode " + std::to_string(at_.training_episodes) +
+                        " ended after " + std::to_string(episode_.t) + " decisions");
+  DumpEpisode(message);
+  const std::uint64_t most = spec_.run.Integer("diverged_episodes");
+  if (at_.diverged_in_a_row >= most) {
+    throw Failure(ExitCode::kDiverged, message + ", as in all of the last " + std::to_string(most) +
+                                           " episodes (run.diverged_episodes)");
+  }
+  FinishEpisode();
+}
+
+// What plays the episode again, up to the action that diverged.
+void Experiment::DumpEpisode(const std::string& message) {
+  constexpr std::uint64_t kMostDumps = 20;
+  if (at_.diverged_episodes > kMostDumps) return;
+  nlohmann::json actions = nlohmann::json::array();
+  const auto add = [&](const double* action) {
+    actions.push_back(std::vector<double>(action, action + action_.size()));
+  };
+  for (std::size_t t = 0; t < episode_.t; ++t) add(episode_actions_.data() + t * action_.size());
+  add(action_.data());
+  const std::string text = results::JsonText({{"environment", spec_.environment.task()},
+                                              {"message", message},
+                                              {"seed", EnvironmentSeed()},
+                                              {"action_repeat", spec_.action_repeat()},
+                                              {"actions", actions}}) +
+                           "\n";
+  WrittenFile file;
+  file.path = folder_ / ("divergence-" + std::to_string(at_.training_episodes) + ".json");
+  file.bytes = text.size();
+  file.sha256 = Sha256Hex(text);
+  try {
+    WriteWholeFile(file.path, text);
+    AddArtifact(file, "divergence");
+  } catch (const Failure& error) {
+    writer_->AddEvent(Signed(at_.env_step), "warning", "no_episode_dump", error.what());
+  }
+}
+
 void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
   checkpoint->Value(kHeaderPart, options_.header);
   checkpoint->Part(kPositionPart, [&](StateWriter* part) {
@@ -156,11 +206,9 @@ void Experiment::LoadEpisode(StateReader* part) {
   } else {
     // No saved state: live the episode again. The same seed and actions give the
     // same bits.
-    const auto seed = static_cast<std::uint32_t>(
-        SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
     std::vector<double> observation(observation_.size());
     const View<double> view{observation.data(), observation.size()};
-    ThrowUnlessOk(environment_->Reset(seed, view),
+    ThrowUnlessOk(environment_->Reset(EnvironmentSeed(), view),
                   "environment '" + spec_.environment.name() + "' Reset");
     for (std::uint64_t t = 0; t < episode_.t; ++t) {
       HoldAction(environment_.get(), spec_.environment.name(),

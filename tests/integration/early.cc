@@ -7,7 +7,7 @@
 namespace dreamsearch {
 namespace {
 
-enum class Kind { kShort, kVaried, kSilent, kUnlimited };
+enum class Kind { kShort, kVaried, kSilent, kUnlimited, kRarelyBad, kAlwaysBad };
 
 // A point that the action moves; the reward is 1 a step.
 template <Kind kKind>
@@ -26,6 +26,7 @@ class Line final : public Environment {
   const EnvironmentSpec& spec() const noexcept override { return spec_; }
   Status Reset(std::uint32_t seed, View<double> observation) noexcept override {
     t_ = 0;
+    seed_ = seed;
     x_ = (seed % 1000) / 1000.0 - 0.5;
     end_ = kKind == Kind::kShort ? 20 : kKind == Kind::kUnlimited ? 100 : 120 + seed % 97;
     Show(observation);
@@ -35,6 +36,8 @@ class Line final : public Environment {
               StepResult* result) noexcept override {
     x_ += 0.01 * action[0];
     ++t_;
+    const bool bad = kKind == Kind::kAlwaysBad || (kKind == Kind::kRarelyBad && seed_ % 3 == 0);
+    if (bad && t_ == 50) return Error(StatusCode::kDiverged, "bad acceleration at step %u", t_);
     Show(observation);
     const bool last = t_ >= end_;
     const bool dies = kKind == Kind::kVaried || kKind == Kind::kSilent;
@@ -62,7 +65,7 @@ class Line final : public Environment {
   ObservationPart part_{"state", 2};
   double low_ = -1, high_ = 1;
   EnvironmentSpec spec_;
-  std::uint32_t t_ = 0, end_ = 0;
+  std::uint32_t seed_ = 0, t_ = 0, end_ = 0;
   double x_ = 0;
 };
 
@@ -81,8 +84,9 @@ constexpr ComponentDescriptor Task(const char* name, EnvironmentFactory factory)
 }
 
 constexpr ComponentDescriptor kComponents[] = {
-    Task("short20", Make<Kind::kShort>), Task("varied", Make<Kind::kVaried>),
-    Task("silent", Make<Kind::kSilent>), Task("unlimited", Make<Kind::kUnlimited>)};
+    Task("short20", Make<Kind::kShort>),        Task("varied", Make<Kind::kVaried>),
+    Task("silent", Make<Kind::kSilent>),        Task("unlimited", Make<Kind::kUnlimited>),
+    Task("rarely_bad", Make<Kind::kRarelyBad>), Task("always_bad", Make<Kind::kAlwaysBad>)};
 
 }  // namespace
 }  // namespace dreamsearch

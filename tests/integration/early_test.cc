@@ -58,5 +58,33 @@ TEST_F(EarlyTest, ATaskThatDiesWithoutSayingSoIsWarnedOfOnce) {
   EXPECT_EQ(Value("select count(*) from event where kind = 'terminal_state'"), "1");
 }
 
+TEST_F(EarlyTest, AnEpisodeThatDivergesEndsAndTheNextBegins) {
+  const ProgramResult result = Run("rarely_bad", {"--seeds", "3"});
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Value("select group_concat(status || env_steps_done) from run"),
+            "finished600,finished600,finished600");
+  // Each is recorded with what plays it again, and what it lived before counts.
+  const std::string bad = Value(
+      "select count(*) from event where kind = 'divergence' and detail like '%training episode%'");
+  EXPECT_NE(bad, "0");
+  EXPECT_EQ(Value("select count(*) from artifact where kind = 'divergence'"), bad);
+  EXPECT_EQ(Value("select count(*) from episode where phase = 0 and length = 49"), bad);
+  EXPECT_EQ(
+      Value("select count(*) from episode as e where phase = 0 and length <> (select count(*) "
+            "from step as s where s.run_id = e.run_id and s.episode = e.episode)"),
+      "0");
+}
+
+TEST_F(EarlyTest, ARunIsGivenUpAfterEpisodesInARowThatDiverge) {
+  const ProgramResult result = Run("always_bad", {"--set", "run.diverged_episodes=3"});
+  EXPECT_EQ(result.exit_status, 72) << result.err;
+  EXPECT_EQ(Value("select status from run"), "diverged");
+  EXPECT_NE(Value("select error from run").find("all of the last 3 episodes"), std::string::npos)
+      << Value("select error from run");
+  EXPECT_EQ(Value("select count(*) from event where level = 'warning' and kind = 'divergence' and "
+                  "detail like '%training%'"),
+            "3");
+}
+
 }  // namespace
 }  // namespace dreamsearch
