@@ -22,7 +22,7 @@ namespace {
 // What is to be played for a trained run: its own task, seed and study.
 std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
   const RunSpec& spec = trained.spec;
-  options.environments = {spec.environment.name()};
+  options.environments = {spec.environment.task()};
   options.seeds = {spec.seed};
   options.study = trained.info.study;
   if (options.preset.empty()) options.preset = spec.preset;
@@ -90,7 +90,7 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
   std::vector<std::vector<std::string>> order;
   std::map<std::vector<std::string>, Figures> table;
   for (const RunSpec& spec : specs) {
-    const std::vector<std::string> key = {spec.environment.name(), spec.planner.name(),
+    const std::vector<std::string> key = {spec.environment.task(), spec.planner.name(),
                                           spec.model.name()};
     const auto [entry, added] = table.try_emplace(key);
     if (added) order.push_back(key);

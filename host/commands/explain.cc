@@ -218,7 +218,7 @@ int Explain::Run() {
   tree["format"] = "dreamsearch tree 1";
   tree["run_id"] = subject.info.run_id;
   tree["run_uuid"] = subject.info.uuid;
-  tree["env"] = spec.environment.name();
+  tree["env"] = spec.environment.task();
   tree["planner"] = spec.planner.name();
   tree["model"] = spec.model.name();
   tree["seed"] = spec.seed;

@@ -57,13 +57,13 @@ int Export::Run() {
   const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
   const RunSpec& spec = trained.spec;
-  out = OutputPath(out, spec.environment.name() + "_" + spec.planner.name() + "_seed" +
+  out = OutputPath(out, spec.environment.task() + "_" + spec.planner.name() + "_seed" +
                             std::to_string(spec.seed) + ".safetensors");
   const std::map<std::string, std::string> metadata = {
       {"run_uuid", trained.info.uuid},
       {"run_id", std::to_string(trained.info.run_id)},
       {"study", trained.info.study},
-      {"env", spec.environment.name()},
+      {"env", spec.environment.task()},
       {"planner", spec.planner.name()},
       {"model", spec.model.name()},
       {"model_version", spec.model.info->version},

@@ -50,7 +50,7 @@ std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs) {
     const std::string key = CanonicalJson(spec);
     auto found = known.find(key);
     if (found == known.end()) {
-      std::cerr << "measuring " << spec.environment.name() << ", " << spec.planner.name() << " ..."
+      std::cerr << "measuring " << spec.environment.task() << ", " << spec.planner.name() << " ..."
                 << std::endl;
       found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, kProbeTimeoutSeconds)).first;
     }
@@ -72,7 +72,7 @@ std::vector<std::string> SettingLines(const RunSpec& spec) {
     }
   };
   add("run", spec.run);
-  add(spec.environment.name(), spec.environment.parameters);
+  add(spec.environment.task(), spec.environment.parameters);
   add("model " + spec.model.name(), spec.model.parameters);
   add(spec.planner.name(), spec.planner.parameters);
   if (spec.eval_planner.name() != spec.planner.name()) {

@@ -54,6 +54,7 @@ ComponentInfo DescribeComponent(const ComponentDescriptor& component, const Plug
   for (const RunPreset& preset : component.run_presets) {
     info.run_presets.push_back({preset.name, preset.preset, preset.number});
   }
+  info.task_parameter = TextOrEmpty(component.task_parameter);
   info.plugin = plugin;
   return info;
 }

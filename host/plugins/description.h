@@ -109,6 +109,7 @@ struct ComponentInfo {
   std::vector<ParameterInfo> parameters;
   std::vector<MetricInfo> metrics;
   std::vector<RunPresetInfo> run_presets;
+  std::string task_parameter;  // empty: the task is the component
   PluginInfo plugin;
 
   bool Has(Trait trait) const { return (traits & trait) != 0; }
@@ -124,6 +125,7 @@ struct ComponentInfo {
     (*archive)("parameters", &parameters);
     (*archive)("metrics", &metrics);
     (*archive)("run_presets", &run_presets);
+    (*archive)("task_parameter", &task_parameter);
     (*archive)("plugin", &plugin);
   }
 };

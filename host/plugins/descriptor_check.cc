@@ -204,6 +204,19 @@ class Checker {
       CheckText(what + ", metric '" + metric.name + "': its help", metric.help, false);
     }
     CheckRunPresets(what, component);
+    if (component.task_parameter != nullptr) CheckTaskParameter(what, component);
+  }
+
+  void CheckTaskParameter(const std::string& what, const ComponentDescriptor& component) const {
+    CheckName(what + "'s task parameter", component.task_parameter);
+    for (const ParameterSpec& parameter : component.parameters) {
+      if (std::strcmp(parameter.name, component.task_parameter) != 0) continue;
+      if (component.kind == ComponentKind::kEnvironment && parameter.type == ParameterType::kText) {
+        return;
+      }
+    }
+    Refuse(what + ": expected a text parameter of an environment as its task parameter, found '" +
+           component.task_parameter + "'");
   }
 
   // That there are such parameters and that they may have such values is known where runs are

@@ -175,7 +175,7 @@ int ProbeMain() {
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentSpec& figures = environment->spec();
     ProbeResult result;
-    result.task.name = spec.environment.name();
+    result.task.name = spec.environment.task();
     result.task.domain = spec.environment.info->plugin.name;
     result.task.observation_size = static_cast<std::int64_t>(figures.observation_size);
     result.task.action_size = static_cast<std::int64_t>(figures.action_size);
@@ -195,7 +195,7 @@ int ProbeMain() {
 ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds) {
   Question question;
   question.command = "probe";
-  question.who = spec.environment.name() + ", " + spec.model.name() + ", " + spec.planner.name();
+  question.who = spec.environment.task() + ", " + spec.model.name() + ", " + spec.planner.name();
   question.timeout_seconds = timeout_seconds;
   return results::FieldsFromJson<ProbeResult>(
       Ask(question, results::FieldsToJson(ProbeQuestion{spec, depth})));

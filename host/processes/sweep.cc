@@ -186,7 +186,7 @@ void WriteRunFile(const WorkerJob& work) {
 results::RunKey KeyOf(const RunSpec& spec) {
   results::RunKey key;
   key.study = spec.study;
-  key.task = spec.environment.name();
+  key.task = spec.environment.task();
   key.planner = spec.planner.name();
   key.model = spec.model.name();
   key.config_sha256 = ConfigurationSha256(spec);
@@ -200,7 +200,7 @@ results::RunKey KeyOf(const RunSpec& spec) {
 
 std::string RunLabel(const RunSpec& spec) {
   std::string label = spec.evaluation ? "evaluation of " : "";
-  label += spec.environment.name() + " " + spec.planner.name();
+  label += spec.environment.task() + " " + spec.planner.name();
   const bool unnamed = spec.model.Has(kDefault) && spec.model.Has(kLearns);
   if (!unnamed) label += " on " + spec.model.name();
   return label + " seed " + std::to_string(spec.seed);

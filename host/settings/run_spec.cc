@@ -92,6 +92,12 @@ const std::string& ResolvedValues::Choice(std::string_view name) const {
   return value->choice;
 }
 
+std::string ResolvedComponent::task() const {
+  if (info->task_parameter.empty()) return info->name;
+  const std::string& text = parameters.Choice(info->task_parameter);
+  return text.empty() ? info->name : info->name + ":" + text;
+}
+
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
   std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model, &spec.planner,
                                                       &spec.eval_planner};

@@ -70,6 +70,9 @@ struct ResolvedComponent {
   ResolvedValues parameters;
 
   const std::string& name() const { return info->name; }
+  // Of an environment what it is called as a task: its name, or NAME:TEXT where it plays many
+  // things.
+  std::string task() const;
   bool Has(Trait trait) const { return info->Has(trait); }
 
   template <typename Archive>

@@ -18,6 +18,12 @@ namespace {
 
 constexpr std::size_t kMostRuns = 100000;
 
+// Of settings that reach one parameter the strongest stands.
+constexpr int StrengthOf(bool from_file, bool specific) {
+  return (from_file ? 0 : 2) + (specific ? 1 : 0);
+}
+constexpr int kSpecificOnCommandLine = StrengthOf(false, true);
+
 std::string DefaultText(const ParameterInfo& parameter) {
   switch (parameter.type) {
     case ParameterType::kBool:
@@ -140,6 +146,7 @@ std::optional<ComponentKind> KindFromText(std::string_view text) {
 struct Target {
   std::shared_ptr<const ComponentInfo> info;  // null for the host's `run`
   const std::vector<ParameterInfo>* parameters = nullptr;
+  std::string task;    // the TEXT of `--env NAME:TEXT`
   bool listed = true;  // false for an evaluation planner that is not in --planner
   ResolvedValues values;
   // The setting that gave each value, by parameter; the strongest so far.
@@ -150,7 +157,8 @@ struct Target {
   std::vector<Source> sources;
 
   std::string label() const {
-    return info == nullptr ? "run" : KindText(info->kind) + "/" + info->name;
+    if (info == nullptr) return "run";
+    return KindText(info->kind) + "/" + info->name + (task.empty() ? "" : ":" + task);
   }
   bool IsCalled(std::string_view name) const {
     return info != nullptr &&
@@ -186,6 +194,7 @@ class Resolver {
       }
       target.sources.resize(target.parameters->size());
       if (base != nullptr) RestoreFrom(*base, &target);
+      if (!target.task.empty()) SetTask(&target);
     }
     for (const Setting& setting : options.settings) Apply(setting);
     for (const std::size_t model : models_) {
@@ -250,18 +259,36 @@ class Resolver {
   std::vector<std::size_t> AddAll(const Catalogue& catalogue, ComponentKind kind,
                                   const std::string& flag, const std::vector<std::string>& names) {
     std::vector<std::size_t> indices;
-    for (const std::string& name : names) {
+    for (const std::string& given : names) {
+      const auto colon = kind == ComponentKind::kEnvironment ? given.find(':') : std::string::npos;
+      const std::string name = given.substr(0, colon);
+      const std::string task = colon == std::string::npos ? "" : given.substr(colon + 1);
       const auto info = catalogue.Find(kind, name);
+      if (colon != std::string::npos && (info->task_parameter.empty() || !IsOneLine(task))) {
+        throw Failure(ExitCode::kUsage, "--" + flag + ": '" + given + "': environment '" + name +
+                                            "' is one task; expected its name alone");
+      }
       for (const std::size_t i : indices) {
-        if (targets_[i].info == info) {
+        if (targets_[i].info == info && targets_[i].task == task) {
           throw Failure(ExitCode::kUsage, "--" + flag + ": '" + name + "' and '" +
                                               targets_[i].info->name +
                                               "' are the same component; expected it once");
         }
       }
       indices.push_back(Add(info, &info->parameters, true));
+      targets_.back().task = task;
     }
     return indices;
+  }
+
+  // As if the TEXT of `--env NAME:TEXT` were given by a setting that names the component.
+  static void SetTask(Target* target) {
+    for (std::size_t i = 0; i < target->parameters->size(); ++i) {
+      if ((*target->parameters)[i].name != target->info->task_parameter) continue;
+      target->values.values[i].choice = target->task;
+      target->values.values[i].origin = ValueOrigin::kCommandLine;
+      target->sources[i] = {kSpecificOnCommandLine, "--env"};
+    }
   }
 
   ResolvedComponent Resolved(std::size_t i) const { return {targets_[i].info, targets_[i].values}; }
@@ -344,7 +371,10 @@ class Resolver {
       Fail(setting,
            "no parameter '" + name + "' in " + JoinNames(labels) + ". " + KnownNames(name, known));
     }
-    if (specific && declaring.size() > 1) {
+    const bool tasks_of_one = std::all_of(declaring.begin(), declaring.end(), [&](const auto& d) {
+      return d.first->info != nullptr && d.first->info == declaring.front().first->info;
+    });
+    if (specific && declaring.size() > 1 && !tasks_of_one) {
       std::vector<std::string> keys;
       for (const auto& [target, i] : declaring) keys.push_back(target->label() + "." + name);
       Fail(setting, "names more than one component; expected one of " + JoinNames(keys));
@@ -368,7 +398,7 @@ class Resolver {
       Fail(setting, message);
     }
     Target::Source& source = target->sources[i];
-    const int strength = (setting.from_file ? 0 : 2) + (specific ? 1 : 0);
+    const int strength = StrengthOf(setting.from_file, specific);
     if (strength == source.strength) {
       Fail(setting, "set twice; it was set by " + source.where + " already");
     }

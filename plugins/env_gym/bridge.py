@@ -87,7 +87,9 @@ class GymnasiumPlayer:
         self.low = [float(x) for x in space.low.reshape(-1)]
         self.high = [float(x) for x in space.high.reshape(-1)]
         self.parts, self.flatten = flattener(self.env.observation_space)
-        self.control_seconds = float(getattr(inner, "dt", 0) or 0)
+        # MuJoCo's environments know their step; of others only the pace of their pictures is known.
+        frames = (getattr(inner, "metadata", None) or {}).get("render_fps", 1)
+        self.control_seconds = float(getattr(inner, "dt", 0) or 1 / frames)
 
     def reset(self, seed):
         answer = self.env.reset(seed=seed)

@@ -88,12 +88,14 @@ constexpr ComponentDescriptor kComponents[] = {
      .version = "1.0.0",
      .summary = "any environment of the Gymnasium interface, in a Python process",
      .parameters = ViewOf(kGymParameters),
+     .task_parameter = "id",
      .create_environment = MakeGym},
     {.kind = ComponentKind::kEnvironment,
      .name = "dm",
      .version = "1.0.0",
      .summary = "a task of Python's dm_control.suite, in a Python process",
      .parameters = ViewOf(kSuiteParameters),
+     .task_parameter = "id",
      .create_environment = MakeSuite},
 };
 

@@ -87,6 +87,7 @@ TEST_F(PythonEnvironmentTest, HasTheSpacesOfTheEnvironment) {
   EXPECT_EQ(Numbers(spec.action_high.begin(), spec.action_high.end()), (Numbers{1, 3}));
   EXPECT_EQ(spec.episode_steps, 1000u);  // it has no limit of its own
   EXPECT_EQ(spec.return_low, spec.return_high);
+  EXPECT_GT(spec.control_seconds, 0);  // the host wants one
 }
 
 TEST_F(PythonEnvironmentTest, LaysADictionaryOutInTheOrderOfItsSpace) {

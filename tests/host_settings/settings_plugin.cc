@@ -51,13 +51,15 @@ constexpr ComponentDescriptor ModelOf(const char* name, View<const RunPreset> ru
           .create_model = NoModel};
 }
 constexpr ComponentDescriptor Task(const char* name, const char* aliases,
-                                   View<const ParameterSpec> parameters = ViewOf(kTask)) {
+                                   View<const ParameterSpec> parameters = ViewOf(kTask),
+                                   const char* task_parameter = nullptr) {
   return {.kind = ComponentKind::kEnvironment,
           .name = name,
           .aliases = aliases,
           .version = "1",
           .summary = "A task.",
           .parameters = parameters,
+          .task_parameter = task_parameter,
           .create_environment = NoEnvironment};
 }
 constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSpec> parameters) {
@@ -71,7 +73,7 @@ constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSp
 
 constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
                                                Task("cup_catch", "ball_in_cup_catch"),
-                                               Task("bridge", nullptr, ViewOf(kBridge)),
+                                               Task("bridge", nullptr, ViewOf(kBridge), "id"),
                                                {.kind = ComponentKind::kModel,
                                                 .traits = kLearns | kDefault,
                                                 .name = "dreamer",

@@ -417,6 +417,30 @@ TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
                 {"env.id: expected a text of one line, default 'none'"});
 }
 
+TEST(ResolveMatrix, AnEnvironmentThatPlaysManyThingsIsATaskForEach) {
+  Options options = Base();
+  options.environments = {"bridge:Hopper-v5", "walker_walk", "bridge:my.Other:v0"};
+  const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
+  ASSERT_EQ(runs.size(), 3u);
+  EXPECT_EQ(runs[0].environment.task(), "bridge:Hopper-v5");
+  EXPECT_EQ(runs[0].environment.parameters.Choice("id"), "Hopper-v5");
+  EXPECT_EQ(runs[1].environment.task(), "walker_walk");
+  EXPECT_EQ(runs[2].environment.task(), "bridge:my.Other:v0");
+  EXPECT_NE(ConfigurationSha256(runs[0]), ConfigurationSha256(runs[2]));
+  EXPECT_EQ(RunSpecFromJson(ToJson(runs[0])).environment.task(), "bridge:Hopper-v5");
+
+  options.settings = {CommandLine("bridge.id", "Ant-v5")};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kUsage, {"set twice", "--env"});
+  options.settings = {File("bridge.id", "Ant-v5")};
+  EXPECT_EQ(Resolve(options).environment.task(), "bridge:Hopper-v5");
+  options.settings = {};
+  options.environments = {"bridge:a", "bridge:a"};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kUsage, {"the same component"});
+  options.environments = {"walker_walk:fast"};
+  ExpectRefusal([&] { Resolve(options); }, ExitCode::kUsage,
+                {"'walker_walk' is one task; expected its name alone"});
+}
+
 TEST(RunParameters, AreConsistentDeclarations) {
   for (const ParameterSpec& spec : RunParameters()) {
     EXPECT_GE(spec.default_number, spec.min) << spec.name;

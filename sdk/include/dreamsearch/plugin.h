@@ -122,6 +122,9 @@ struct ComponentDescriptor {
   View<const ParameterSpec> parameters;
   View<const MetricSpec> metrics;     // what Plan or Train reports
   View<const RunPreset> run_presets;  // models only
+  // Environments that play many things: the text parameter that says which. The task is then
+  // called NAME:TEXT, "gym:Hopper-v5", in command lines, databases and figures.
+  const char* task_parameter = nullptr;
   EnvironmentFactory create_environment = nullptr;
   ModelFactory create_model = nullptr;
   PlannerFactory create_planner = nullptr;
