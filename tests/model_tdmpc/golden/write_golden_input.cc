@@ -75,9 +75,10 @@ void Write(const std::string& folder, const std::string& name) {
   for (std::size_t g = 0; g < kGroups; ++g) {
     Move(agent.groups[g].values(), agent.groups[g].size(), 11 + g);
   }
-  // Values that are apart, so that the return scale counts.
+  // Values that are apart, so that the return scale counts. In the other
+  // cases float would lose too many digits.
   ParameterGroup<double>& critic = agent.groups[kCritic];
-  for (Index i = 0; i < critic.size(); ++i) critic.values()[i] *= 4;
+  for (Index i = 0; name == "paper" && i < critic.size(); ++i) critic.values()[i] *= 4;
   json["weights"] = Exported(learner);
   Move(critic.values(), critic.size(), 15);
   const Json moved = Exported(learner);
