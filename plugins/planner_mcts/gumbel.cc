@@ -38,6 +38,8 @@ constexpr ParameterSpec kParameters[] = {
     kEdgeRewardParameter,
     kNoiseParameter,
     kLeafBatchParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 class Gumbel final : public TreePlanner {
@@ -80,11 +82,7 @@ class Gumbel final : public TreePlanner {
   }
 
   Status BeginSearch() noexcept override {
-    Status status = model()->Value(tree_.latents(SearchTree::kRoot, 1),
-                                   {.values = tree_.values(SearchTree::kRoot, 1)});
-    if (!status.ok()) return status;
-    status = CheckFinite("a value", tree_.values(SearchTree::kRoot, 1));
-    if (!status.ok()) return status;
+    if (Status status = AskValues(SearchTree::kRoot, 1); !status.ok()) return status;
     Random random(SearchSeed());
     double sum = 0;
     for (double& g : gumbel_) {

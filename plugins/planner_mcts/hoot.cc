@@ -48,6 +48,8 @@ constexpr ParameterSpec kParameters[] = {
                   "Standard deviation of the Gaussian noise on the played action while exploring "
                   "(Koul et al. 2020)."),
     kLeafBatchParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 class Hoot final : public TreePlanner {

@@ -37,6 +37,8 @@ constexpr ParameterSpec kPwParameters[] = {
     kEdgeRewardParameter,
     kNoiseParameter,
     kLeafBatchParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
     kReuseParameter,
 };
 
@@ -51,6 +53,8 @@ constexpr ParameterSpec kFixedParameters[] = {
     kEdgeRewardParameter,
     kNoiseParameter,
     kLeafBatchParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
     kReuseParameter,
 };
 

@@ -24,7 +24,8 @@ TreePlanner::TreePlanner(const PlannerContext& context, std::uint64_t max_edges)
       leaf_batch_(static_cast<std::uint64_t>(context.parameters.GetInt("leaf_batch"))),
       noise_std_(context.parameters.GetReal("noise_std")),
       reuse_tree_(context.parameters.GetBool("reuse_tree")),
-      edge_reward_(context.parameters.GetBool("edge_reward")) {
+      edge_reward_(context.parameters.GetBool("edge_reward")),
+      values_(context, leaf_batch_) {
   if (leaf_batch_ > 1) {
     batch_latents_ = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
     batch_actions_.resize(leaf_batch_ * sizes_.action_size);
@@ -166,12 +167,17 @@ Status TreePlanner::EvaluatePending() noexcept {
   const Latents latents = tree_.latents(first, count);
   Status status = model_->Imagine(
       request, {latents, tree_.rewards(first, count), tree_.discounts(first, count)});
-  if (status.ok()) status = model_->Value(latents, {.values = tree_.values(first, count)});
+  if (status.ok()) status = AskValues(first, count);
   if (status.ok()) status = CheckFinite("a reward", tree_.rewards(first, count));
   if (status.ok()) status = CheckFinite("a discount", tree_.discounts(first, count));
-  if (status.ok()) status = CheckFinite("a value", tree_.values(first, count));
   if (status.ok()) tree_.MarkEvaluated();
   return status;
+}
+
+Status TreePlanner::AskValues(Index first, Index count) noexcept {
+  const View<double> values = tree_.values(first, count);
+  const Status status = values_.Ask(model_, tree_.latents(first, count), explore_, values);
+  return status.ok() ? CheckFinite("a value", values) : status;
 }
 
 Status TreePlanner::AddSampledEdges(Index node, Index count, Index* first) noexcept {

@@ -94,7 +94,8 @@ class TreePlanner : public Planner {
   bool exploring() const noexcept { return explore_; }
   // A seed of the present decision for draws of the derived class.
   std::uint64_t SearchSeed() const noexcept;
-  LatentModel* model() noexcept { return model_; }
+  // The value of the nodes [first, first + count), as the search uses values.
+  Status AskValues(Index first, Index count) noexcept;
 
   SearchTree tree_;
 
@@ -110,6 +111,7 @@ class TreePlanner : public Planner {
   const double noise_std_;
   const bool reuse_tree_;
   const bool edge_reward_;
+  SearchValues values_;
   LatentModel* model_ = nullptr;
 
   // Of the present decision.

@@ -35,6 +35,8 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on every candidate and on the played "
                   "action while exploring (Koul et al. 2020)."),
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 enum Metric { kModeDistance, kQSpread, kMetricCount };
@@ -64,7 +66,8 @@ class Rollout final : public Planner {
         depth_(Count(context, "depth")),
         lambda_(context.parameters.GetReal("lambda")),
         sample_continuation_(context.parameters.IsChoice("continuation", "sample")),
-        noise_std_(context.parameters.GetReal("noise_std")) {
+        noise_std_(context.parameters.GetReal("noise_std")),
+        search_values_(context, batch_) {
     if (batch_ == 0) {
       throw std::invalid_argument(
           "actor_candidates and uniform_candidates are both 0, expected at least one candidate");
@@ -191,7 +194,7 @@ class Rollout final : public Planner {
       if (!status.ok()) return status;
       // With lambda = 1 only the last value is in the return.
       if (lambda_ < 1 || t + 1 == depth_) {
-        status = model_->Value(to, {.values = Column(values_, t)});
+        status = search_values_.Ask(model_, to, request.explore, Column(values_, t));
         if (!status.ok()) return status;
       }
     }
@@ -243,6 +246,7 @@ class Rollout final : public Planner {
   const double lambda_;
   const bool sample_continuation_;
   const double noise_std_;
+  SearchValues search_values_;
   LatentModel* model_ = nullptr;
   LatentBuffer latents_[2];           // [B], transitions go from one to the other
   std::vector<std::uint64_t> seeds_;  // [B]

@@ -26,6 +26,8 @@ constexpr ParameterSpec kParameters[] = {
                   "Standard deviation of the first candidates (Hafner et al. 2019)."),
     kBootstrapParameter,
     kPlayedNoiseParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 enum Stream : std::uint64_t { kIteration = 1, kNoise = 2 };
@@ -56,7 +58,7 @@ class Cem final : public ShootingPlanner {
     for (std::uint64_t k = 0; k < iterations_; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
       Draw(DeriveSeed(seed, 0));
-      Status status = trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(seed, 1));
+      Status status = trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
     }

@@ -41,6 +41,8 @@ constexpr ParameterSpec kParameters[] = {
                   "Start from the last decision's mean, shifted by one (Hansen et al. 2024)."),
     ChoiceParameter("play", "elite", "elite,mean",
                     "Play an elite drawn by weight (Hansen et al. 2024) or the mean."),
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 enum Stream : std::uint64_t { kActor = 1, kIteration = 2, kElite = 3, kNoise = 4 };
@@ -109,7 +111,7 @@ class Mppi final : public ShootingPlanner {
     for (std::uint64_t k = 0; k < iterations_; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
       Draw(DeriveSeed(seed, 0));
-      status = trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(seed, 1));
+      status = trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
     }

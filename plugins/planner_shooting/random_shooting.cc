@@ -13,6 +13,8 @@ constexpr ParameterSpec kParameters[] = {
     IntParameter("horizon", 12, 1, 1000, "transitions", "Actions in a sequence."),
     kBootstrapParameter,
     kPlayedNoiseParameter,
+    kValueBonusParameter,
+    kValueInEvaluationParameter,
 };
 
 enum Stream : std::uint64_t { kActions = 1, kImagine = 2, kNoise = 3 };
@@ -33,7 +35,7 @@ class RandomShooting final : public ShootingPlanner {
       for (std::uint64_t i = 0; i < actions.size(); ++i) actions.data[i] = random.Uniform(-1, 1);
     }
     Status status =
-        trajectories_.Imagine(model_, request.root, bootstrap_, DeriveSeed(request.seed, kImagine));
+        trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(request.seed, kImagine));
     if (!status.ok()) return status;
     const std::uint32_t best = trajectories_.Best(1)[0];
     std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);

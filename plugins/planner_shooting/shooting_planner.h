@@ -73,8 +73,7 @@ class ShootingPlanner : public Planner {
  protected:
   ShootingPlanner(const PlannerContext& context, std::uint64_t candidates)
       : sizes_{context.action_size, context.latent_bytes, kShootingMetricCount},
-        trajectories_(candidates, Count(context, "horizon"), context.action_size,
-                      context.latent_bytes),
+        trajectories_(context, candidates, Count(context, "horizon")),
         mode_(context.action_size),
         played_(context.action_size) {}
   virtual ~ShootingPlanner() = default;

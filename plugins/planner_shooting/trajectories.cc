@@ -4,16 +4,18 @@
 
 namespace dreamsearch {
 
-Trajectories::Trajectories(std::uint64_t count, std::uint64_t horizon, std::uint64_t action_size,
-                           std::uint64_t latent_bytes)
+Trajectories::Trajectories(const PlannerContext& context, std::uint64_t count,
+                           std::uint64_t horizon)
     : count_(count),
       horizon_(horizon),
-      action_size_(action_size),
-      latents_{LatentBuffer(count, latent_bytes), LatentBuffer(count, latent_bytes)},
+      action_size_(context.action_size),
+      latents_{LatentBuffer(count, context.latent_bytes),
+               LatentBuffer(count, context.latent_bytes)},
       seeds_(count),
-      actions_(horizon * count * action_size),
+      actions_(horizon * count * context.action_size),
       rewards_(horizon * count),
       discounts_(horizon * count),
+      search_values_(context, count),
       values_(count),
       returns_(horizon * count),
       order_(count) {}
@@ -52,9 +54,9 @@ Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uin
   return OkStatus();
 }
 
-Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstrap,
+Status Trajectories::Imagine(LatentModel* model, const PlanRequest& request, bool bootstrap,
                              std::uint64_t seed) noexcept {
-  for (std::uint64_t i = 0; i < count_; ++i) latents_[0].Set(i, root);
+  for (std::uint64_t i = 0; i < count_; ++i) latents_[0].Set(i, request.root);
   for (std::uint64_t t = 0; t < horizon_; ++t) {
     const View<double> rewards{rewards_.data() + t * count_, count_};
     const View<double> discounts{discounts_.data() + t * count_, count_};
@@ -65,8 +67,8 @@ Status Trajectories::Imagine(LatentModel* model, ConstLatents root, bool bootstr
   }
   std::fill(values_.begin(), values_.end(), 0.0);
   if (bootstrap) {
-    Status status = model->Value(latents_[horizon_ % 2].middle_rows(0, count_),
-                                 {.values = {values_.data(), count_}});
+    Status status = search_values_.Ask(model, latents_[horizon_ % 2].middle_rows(0, count_),
+                                       request.explore, {values_.data(), count_});
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = horizon_; t-- > 0;) {

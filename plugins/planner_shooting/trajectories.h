@@ -16,8 +16,7 @@ namespace dreamsearch {
 class Trajectories {
  public:
   // Throws std::bad_alloc, std::length_error.
-  Trajectories(std::uint64_t count, std::uint64_t horizon, std::uint64_t action_size,
-               std::uint64_t latent_bytes);
+  Trajectories(const PlannerContext& context, std::uint64_t count, std::uint64_t horizon);
 
   std::uint64_t count() const noexcept { return count_; }      // N
   std::uint64_t horizon() const noexcept { return horizon_; }  // H
@@ -36,9 +35,9 @@ class Trajectories {
   Status FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
                      std::uint64_t seed) noexcept;
 
-  // Imagines all sequences and computes their returns, with the value of the last
-  // latent in them if `bootstrap`. kNotFinite when a return is not finite.
-  Status Imagine(LatentModel* model, ConstLatents root, bool bootstrap,
+  // Imagines all sequences from the request's root and computes their returns, with the value of
+  // the last latent in them if `bootstrap`. kNotFinite when a return is not finite.
+  Status Imagine(LatentModel* model, const PlanRequest& request, bool bootstrap,
                  std::uint64_t seed) noexcept;
 
   // The best `count` sequences, best first, the earlier of equals first; after
@@ -63,6 +62,7 @@ class Trajectories {
   std::vector<double> actions_;       // [H, N, A]
   std::vector<double> rewards_;       // [H, N]
   std::vector<double> discounts_;     // [H, N]
+  SearchValues search_values_;
   std::vector<double> values_;        // [N], of the last latents
   std::vector<double> returns_;       // [H, N]: from transition t on
   std::vector<std::uint32_t> order_;  // [N]

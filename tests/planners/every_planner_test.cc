@@ -141,6 +141,38 @@ TEST_P(EveryPlanner, IsNotDeceivedByTheMeanOfRandomContinuations) {
   EXPECT_EQ(right, 20);
 }
 
+// A search whose values are mean + k deviations while exploring, or the least in evaluation, is
+// the search of a model that has these as its values.
+TEST_P(EveryPlanner, UsesTheSpreadOfValuesAsDeclared) {
+  if (!Searches(GetParam())) GTEST_SKIP() << "asks for no values of imagined latents";
+  ASSERT_TRUE(Declares("value_bonus") && Declares("value_in_evaluation"));
+  const auto deviation = [](const ScriptedState& state) { return 0.5 + std::cos(5 * state.x[0]); };
+  const ScriptedModel plain = Drift();
+  const auto decide = [&](bool explore, double k, const Settings& chosen, bool spread) {
+    ScriptedModel model = Drift();
+    if (spread) {
+      model.deviation = deviation;
+    } else {
+      model.value = [&, k](const ScriptedState& s) { return plain.value(s) + k * deviation(s); };
+    }
+    Settings settings = chosen;
+    if (Declares("bootstrap")) settings.push_back({"bootstrap", true});
+    LoadedPlanner planner(*GetParam(), &model, settings);
+    return planner.Plan(AsLatents(Start()), {.explore = explore, .seed = 3});
+  };
+  // The scripted least is the mean less a deviation.
+  const Settings both = {{"value_bonus", 2.0}, {"value_in_evaluation", "least"}};
+  for (const bool explore : {true, false}) {
+    const Decision used = decide(explore, 0, both, true);
+    const Decision expected = decide(explore, explore ? 2 : -1, {}, false);
+    EXPECT_EQ(used.action, expected.action) << explore;
+    EXPECT_EQ(used.result.value, expected.result.value) << explore;
+    const Decision unused = decide(explore, 0, {}, true), mean = decide(explore, 0, {}, false);
+    EXPECT_EQ(unused.result.value, mean.result.value) << explore;
+    EXPECT_NE(used.result.value, unused.result.value) << explore;
+  }
+}
+
 TEST_P(EveryPlanner, EqualSeedsGiveEqualDecisions) {
   ScriptedModel model = Drift();
   LoadedPlanner first(*GetParam(), &model);

@@ -39,6 +39,8 @@ class ScriptedModel : public LatentModel {
   std::uint64_t actions = 1;  // A
   std::function<ScriptedTransition(const ScriptedState&, Action)> transition;
   std::function<double(const ScriptedState&)> value = [](const ScriptedState&) { return 0.0; };
+  // Of an ensemble whose least value is the mean less one deviation; none where empty.
+  std::function<double(const ScriptedState&)> deviation;
   std::function<void(const ScriptedState&, View<double>)> mode = [](const ScriptedState&,
                                                                     View<double> action) {
     for (double& a : action) a = 0;
@@ -78,8 +80,11 @@ class ScriptedModel : public LatentModel {
   Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
     if (Fails()) return failure;
     for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = value(State(latents, i));
-    std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
-    std::copy_n(result.values.data, result.least.size, result.least.data);
+    for (std::uint64_t i = 0; i < latents.rows; ++i) {
+      const double spread = deviation ? deviation(State(latents, i)) : 0;
+      if (!result.deviations.empty()) result.deviations[i] = spread;
+      if (!result.least.empty()) result.least[i] = result.values[i] - spread;
+    }
     values_asked += latents.rows;
     return OkStatus();
   }

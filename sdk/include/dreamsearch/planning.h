@@ -1,7 +1,7 @@
 // planning.h - what most planners need besides the interface.
 //
-// Aligned memory for latents, exploration noise, the checks of planner.h, and a
-// factory that turns exceptions into a Status. Nothing here crosses the plugin
+// Aligned memory for latents, exploration noise, the use of values' spread, the checks of
+// planner.h, and a factory that turns exceptions into a Status. Nothing here crosses the plugin
 // boundary: a planner may use all of it or none.
 #pragma once
 
@@ -13,6 +13,7 @@
 #include <memory>
 #include <new>
 #include <stdexcept>
+#include <vector>
 
 #include "dreamsearch/plugin.h"
 #include "dreamsearch/random.h"
@@ -72,6 +73,45 @@ inline double ActionDistance(View<const double> a, View<const double> b) noexcep
   for (std::uint64_t i = 0; i < a.size; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
   return std::sqrt(sum);
 }
+
+// How a search uses the spread of a model's values (ValueResult). A model without an ensemble
+// reports none, and these change nothing.
+constexpr ParameterSpec kValueBonusParameter = RealParameter(
+    "value_bonus", 0, -100, 100, "deviations",
+    "Added to a value of the model while exploring, in deviations of its ensemble (EfficientTDMPC "
+    "2026: 0.3).");
+constexpr ParameterSpec kValueInEvaluationParameter = ChoiceParameter(
+    "value_in_evaluation", "mean", "mean,least",
+    "The value of the model while not exploring: its ensemble's mean or least (MRS.Q 2026).");
+
+// Asks for values as those two parameters say, for up to `rows` latents at once.
+class SearchValues {
+ public:
+  SearchValues(const PlannerContext& context, std::uint64_t rows)
+      : bonus_(context.parameters.GetReal("value_bonus")),
+        least_(context.parameters.IsChoice("value_in_evaluation", "least")) {
+    if (bonus_ != 0) deviations_.resize(rows);
+    if (least_) means_.resize(rows);
+  }
+
+  Status Ask(LatentModel* model, ConstLatents latents, bool explore, View<double> values) noexcept {
+    if (explore && bonus_ != 0) {
+      const Status status = model->Value(
+          latents, {.values = values, .deviations = {deviations_.data(), values.size}});
+      for (std::uint64_t i = 0; i < values.size; ++i) values[i] += bonus_ * deviations_[i];
+      return status;
+    }
+    if (!explore && least_) {
+      return model->Value(latents, {.values = {means_.data(), values.size}, .least = values});
+    }
+    return model->Value(latents, {.values = values});
+  }
+
+ private:
+  const double bonus_;
+  const bool least_;
+  std::vector<double> deviations_, means_;
+};
 
 // What a planner was made for; `metrics` counts the component's MetricSpecs.
 struct PlannerSizes {
