@@ -1,14 +1,13 @@
 #include "host/settings/settings.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <optional>
 #include <set>
-#include <system_error>
 #include <utility>
 
+#include "host/settings/parameter_text.h"
 #include "host/settings/run_parameters.h"
 #include "results/system/error.h"
 #include "results/system/names.h"
@@ -23,90 +22,6 @@ constexpr int StrengthOf(bool from_file, bool specific) {
   return (from_file ? 0 : 2) + (specific ? 1 : 0);
 }
 constexpr int kSpecificOnCommandLine = StrengthOf(false, true);
-
-std::string DefaultText(const ParameterInfo& parameter) {
-  switch (parameter.type) {
-    case ParameterType::kBool:
-      return parameter.default_number != 0 ? "true" : "false";
-    case ParameterType::kChoice:
-      return parameter.default_choice;
-    case ParameterType::kText:
-      return "'" + parameter.default_choice + "'";
-    default:
-      return NumberText(parameter.type, parameter.default_number);
-  }
-}
-
-// "expected an integer from 1 to 16 (steps), default 2".
-std::string Expectation(const ParameterInfo& parameter) {
-  std::string text = "expected ";
-  switch (parameter.type) {
-    case ParameterType::kBool:
-      text += "true or false";
-      break;
-    case ParameterType::kInt:
-    case ParameterType::kReal:
-      text += parameter.type == ParameterType::kInt ? "an integer from " : "a number from ";
-      text += NumberText(parameter.type, parameter.min) + " to " +
-              NumberText(parameter.type, parameter.max);
-      break;
-    case ParameterType::kChoice:
-      text += "one of " + JoinNames(parameter.choices);
-      break;
-    case ParameterType::kText:
-      text += "a text of one line";
-      break;
-  }
-  if (!parameter.unit.empty()) text += " (" + parameter.unit + ")";
-  return text + ", default " + DefaultText(parameter);
-}
-
-std::optional<double> ParseNumber(const std::string& text) {
-  double number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
-    return std::nullopt;
-  }
-  return number + 0.0;  // -0 becomes 0, so that equal values have equal digests
-}
-
-bool IsControl(char c) { return (c >= 0 && c < ' ') || c == 127; }
-
-bool IsOneLine(const std::string& text) {
-  return std::none_of(text.begin(), text.end(), IsControl);
-}
-
-// Sets number or choice of *value. Returns false if the text is not a value of
-// the parameter. Integers may be written 2e6.
-bool ParseValue(const ParameterInfo& parameter, const std::string& text, ResolvedValue* value) {
-  switch (parameter.type) {
-    case ParameterType::kBool:
-      if (text == "true" || text == "1" || text == "on" || text == "yes") {
-        value->number = 1;
-      } else if (text == "false" || text == "0" || text == "off" || text == "no") {
-        value->number = 0;
-      } else {
-        return false;
-      }
-      return true;
-    case ParameterType::kInt:
-    case ParameterType::kReal: {
-      const std::optional<double> number = ParseNumber(text);
-      if (!number || *number < parameter.min || *number > parameter.max) return false;
-      if (parameter.type == ParameterType::kInt && *number != std::trunc(*number)) return false;
-      value->number = *number;
-      return true;
-    }
-    case ParameterType::kChoice:
-      value->choice = text;
-      return std::find(parameter.choices.begin(), parameter.choices.end(), text) !=
-             parameter.choices.end();
-    case ParameterType::kText:
-      value->choice = text;
-      return IsOneLine(text);
-  }
-  return false;
-}
 
 ResolvedValue PresetOrDefault(const ParameterInfo& parameter, const std::string& preset) {
   ResolvedValue value;
@@ -386,11 +301,7 @@ class Resolver {
     const ParameterInfo& parameter = (*target->parameters)[i];
     ResolvedValue value = target->values.values[i];
     if (!ParseValue(parameter, setting.value, &value)) {
-      constexpr std::size_t kMost = 60;
-      std::string found =
-          setting.value.size() > kMost ? setting.value.substr(0, kMost) + "..." : setting.value;
-      std::replace_if(found.begin(), found.end(), IsControl, '?');
-      std::string message = Expectation(parameter) + ", found '" + found + "'";
+      std::string message = Expectation(parameter) + ", found '" + Quotable(setting.value) + "'";
       const auto near = parameter.type == ParameterType::kChoice
                             ? NearestNames(setting.value, parameter.choices)
                             : std::vector<std::string>();

@@ -1,3 +1,5 @@
+// Over 400 lines: Highway compiles this file once for each instruction set, and the kernels are
+// built from each other.
 #include "plugins/networks/elementwise.h"
 
 #include <algorithm>

@@ -1,3 +1,5 @@
+// Planners that ask one model together have the bits that each has alone.
+// Over 400 lines: a scripted model, environment and planners of its own stand here too.
 #include "host/acting/joint_model.h"
 
 #include <gtest/gtest.h>

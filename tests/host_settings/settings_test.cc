@@ -1,4 +1,5 @@
 // From options to runs.
+// Over 400 lines: every rule of resolving is held against the same three components.
 #include "host/settings/settings.h"
 
 #include <gtest/gtest.h>

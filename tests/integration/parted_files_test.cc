@@ -1,6 +1,7 @@
 // A database and the files of its runs that have parted: one of them copied, put back,
 // merged, moved or lost. Whatever the way, the run ends with the digest it would have had,
 // or is refused with every row in its place.
+// Over 400 lines: the ways to part them share one trained run.
 #include <gtest/gtest.h>
 #include <signal.h>
 

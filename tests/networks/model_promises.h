@@ -1,5 +1,6 @@
 // model_promises.h - what model.h promises and how a learned model behaves, held against every
 // one of them: saving, seeds, rows, threads, memory, errors.
+// Over 400 lines: a template for one test suite cannot stand in several files.
 //
 // A model is a type with
 //   struct Settings                     with bfloat16 and bfloat16_planning

@@ -1,3 +1,5 @@
+// Databases of every age are opened, brought up to date, or refused with a sentence.
+// Over 400 lines: the tests of one class, on one fixture.
 #include "results/database/database.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+// What a run records is there, once, whatever ended it.
+// Over 400 lines: the tests of one class, on one fixture.
 #include "results/database/run_writer.h"
 
 #include <gtest/gtest.h>
