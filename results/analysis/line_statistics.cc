@@ -1,7 +1,6 @@
 #include "results/analysis/line_statistics.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 
@@ -10,20 +9,12 @@
 namespace dreamsearch::results {
 namespace {
 
-// 97.5 % quantile of Student's t with n - 1 degrees of freedom, n from 2.
-double StudentT(int n) {
-  constexpr std::array kTable = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306,
-                                 2.262,  2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
-                                 2.110,  2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
-                                 2.060,  2.056, 2.052, 2.048, 2.045, 2.042};
-  return n - 2 < static_cast<int>(kTable.size()) ? kTable[static_cast<std::size_t>(n - 2)] : 1.96;
-}
-
 // 95 % confidence of the mean.
 Interval StudentInterval(const LinePoint& point) {
   double squares = 0;
   for (const double v : point.values) squares += (v - point.mean) * (v - point.mean);
-  const double half = StudentT(point.n) * std::sqrt(squares / (point.n - 1) / point.n);
+  const double half =
+      StudentQuantile(0.975, point.n - 1) * std::sqrt(squares / (point.n - 1) / point.n);
   return {point.mean - half, point.mean + half};
 }
 

@@ -36,6 +36,9 @@ double PerformanceProfile(const Scores& scores, double tau);
 // Reorders the values.
 double Quantile(std::vector<double>* values, double q);
 
+// The q-quantile of Student's t, 0 < q < 1, at least one degree of freedom.
+double StudentQuantile(double q, int degrees_of_freedom);
+
 // Fewer runs of a task give no interval.
 inline constexpr int kIntervalRuns = 3;
 struct Interval {

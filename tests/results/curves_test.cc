@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "curves_fixture.h"
 #include "results/analysis/line_statistics.h"
 #include "results/figures/curve_figure.h"
@@ -165,6 +167,24 @@ TEST_F(CurvesTest, FewerThanThreeSeedsGiveNoInterval) {
   AddRun({.seed = 2}, {{kSearch, 0, 2}, {kSearch, 10, 3}});
   EXPECT_TRUE(HasBand(CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kMinMax)));
   EXPECT_FALSE(HasBand(CurvesByTask(ReadLines(databases_, {}), {}, CurveInterval::kNone)));
+}
+
+TEST_F(CurvesTest, TheIntervalIsStudentsForAnyNumberOfSeeds) {
+  for (const int n : {3, 31, 32, 100}) {
+    LinePoint point;
+    point.n = n;
+    double squares = 0;
+    for (int i = 0; i < n; ++i) {
+      point.values.push_back(i % 2);
+      point.mean += point.values.back() / n;
+    }
+    for (const double value : point.values) squares += (value - point.mean) * (value - point.mean);
+    const std::optional<Interval> interval = IntervalOf(point, CurveInterval::kT95);
+    ASSERT_TRUE(interval);
+    const double half = StudentQuantile(0.975, n - 1) * std::sqrt(squares / (n - 1) / n);
+    EXPECT_DOUBLE_EQ(interval->hi, point.mean + half);
+    EXPECT_DOUBLE_EQ(interval->lo, point.mean - half);
+  }
 }
 
 // A mean over fewer seeds at the end would jump; the seeds go on by themselves.

@@ -138,6 +138,19 @@ TEST(Statistics, DistinctResamplesAreCounted) {
   EXPECT_TRUE(std::isinf(DistinctResamples(Scores(20, {1, 2, 3}))));
 }
 
+// Tabulated, e.g. in Abramowitz and Stegun, table 26.10.
+TEST(Statistics, StudentsQuantilesHaveNoJump) {
+  EXPECT_NEAR(StudentQuantile(0.975, 1), 12.706, 5e-4);
+  EXPECT_NEAR(StudentQuantile(0.975, 2), 4.303, 5e-4);
+  EXPECT_NEAR(StudentQuantile(0.975, 30), 2.042, 5e-4);
+  EXPECT_NEAR(StudentQuantile(0.975, 120), 1.980, 5e-4);
+  EXPECT_NEAR(StudentQuantile(0.975, 1000000), 1.960, 5e-4);
+  for (int degrees = 1; degrees < 200; ++degrees) {
+    EXPECT_GT(StudentQuantile(0.975, degrees), StudentQuantile(0.975, degrees + 1));
+    EXPECT_GT(StudentQuantile(0.975, degrees), 1.96);
+  }
+}
+
 // The contract: 50,000 repetitions over 20 tasks, 5 seeds and 4 planners within
 // 5 s. CPU time, so that a busy machine does not fail it.
 TEST(Statistics, AStudysBootstrapTakesSeconds) {
