@@ -58,7 +58,8 @@ std::vector<Chart> ChartsOf(const std::vector<Line>& lines) {
 ordered_json RunsJson(const std::vector<RunCurve>& runs) {
   ordered_json list = ordered_json::array();
   for (const RunCurve& run : runs) {
-    list.push_back({{"seed", run.seed}, {"x", ordered_json::object()}, {"y", run.value}});
+    list.push_back(
+        {{"seed", std::to_string(run.seed)}, {"x", ordered_json::object()}, {"y", run.value}});
   }
   return list;
 }
@@ -155,7 +156,8 @@ ordered_json ReportData(const std::vector<AxisLines>& axes, const std::vector<Ti
     data["lines"].push_back(
         {{"label", labels[i]}, {"style", i}, {"published", published.count(labels[i]) > 0}});
   }
-  data["seeds"] = seeds;
+  data["seeds"] = ordered_json::array();
+  for (const std::int64_t seed : seeds) data["seeds"].push_back(std::to_string(seed));
   const std::optional<double> end = EndOfOwnRuns(lines);
   data["x_end"] = end ? ordered_json(*end) : ordered_json(nullptr);
 

@@ -8,7 +8,7 @@
 //   axes        key, name and title of each x axis
 //   statistics  key and title of each statistic over seeds
 //   lines       label and style; `published` where they are not of our runs
-//   seeds       those of our runs
+//   seeds       those of our runs, as texts: JavaScript rounds numbers above 2^53
 //   x_end       where the axis of environment steps ends because published curves go on, or
 //               null
 //   charts      one a task, and last, if there is more than one task, that of the mean over

@@ -187,6 +187,16 @@ TEST_F(ReportTest, SeedsThatHaveGoneFurtherAreTails) {
   EXPECT_FALSE(curve["interval"].get<bool>());
 }
 
+// JavaScript would read them as one number.
+TEST_F(ReportTest, SeedsAboveWhatJavaScriptCountsAreTheSeedsOfTheRuns) {
+  const std::int64_t seed = (std::int64_t{1} << 53) + 1;
+  AddRun({.seed = seed - 1}, {{kSearch, 0, 1}});
+  AddRun({.seed = seed}, {{kSearch, 0, 2}});
+  const nlohmann::json data = Data(ReportPage(databases_, {}));
+  EXPECT_EQ(data["seeds"], nlohmann::json({"9007199254740992", "9007199254740993"}));
+  EXPECT_EQ(data["charts"][0]["curves"][0]["runs"][1]["seed"], "9007199254740993");
+}
+
 // What folds a list into one number, or numbers into a greater one, would be a statistic.
 TEST_F(ReportTest, ThePagesScriptComputesNoStatistics) {
   const std::string script(ReportScript());

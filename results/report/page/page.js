@@ -222,7 +222,7 @@
   radio("x axis", "axis", data.axes.map((axis) => [axis, axis.name]));
   radio("over seeds", "statistic", data.statistics.map((statistic) => [statistic, statistic.title]));
   const seeds = group("single runs, by seed");
-  for (const seed of data.seeds) choice(seeds, "checkbox", "seed", String(seed), false, toggle(singleSeeds, seed));
+  for (const seed of data.seeds) choice(seeds, "checkbox", "seed", seed, false, toggle(singleSeeds, seed));
   radio("x scale", "scale", [["linear", "linear"], ["log", "logarithmic"]]);
   if (data.x_end !== null) radio("x range", "range", [["ours", "of these runs"], ["all", "of published curves too"]]);
   dark.addEventListener("change", draw);
