@@ -77,6 +77,7 @@ void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const Ru
     Statement rows = database->connection().Prepare(sql);
     std::vector<std::string> columns;
     for (int i = 0; i < rows.columns(); ++i) columns.push_back(rows.ColumnName(i));
+    CheckNamesDiffer(columns);
     if (csv && first) write(CsvLine({columns.begin(), columns.end()}));
     first = false;
     for (const RunInfo& run : database->ListRuns(filter)) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "results/system/error.h"
 #include "results/system/json_text.h"
@@ -57,9 +58,23 @@ std::string MarkdownCell(const Cell& cell) {
 
 }  // namespace
 
+void CheckNamesDiffer(const std::vector<std::string>& columns) {
+  std::set<std::string> names;
+  for (const std::string& name : columns) {
+    if (names.insert(name).second) continue;
+    throw Failure(ExitCode::kUsage,
+                  "two columns are called '" + Printable(name) +
+                      "', and JSON can keep only one of them. Give each a name of its own in the "
+                      "query: SELECT a." +
+                      Printable(name) + " AS first, b." + Printable(name) +
+                      " AS second. The forms text, markdown and csv print both.");
+  }
+}
+
 std::string Table::Print(TableForm form, std::size_t indent) const {
   std::string out;
   if (form == TableForm::kJson) {
+    CheckNamesDiffer(columns);
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const std::vector<Cell>& row : rows) list.push_back(ToJson(columns, row));
     return JsonTextReplacing(list, 2) + "\n";

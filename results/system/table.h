@@ -25,10 +25,14 @@ struct Table {
   // every line of the text form begins with so many spaces. Text and Markdown round numbers to 6
   // digits and show control characters escaped, so that a name cannot steer a terminal; CSV (RFC
   // 4180) and JSON (a list of objects) keep every bit.
+  //   Failure 2  JSON, and two columns have one name: an object has room for one.
   std::string Print(TableForm form, std::size_t indent = 0) const;
 };
 
-// One row as an object of one line, and as a line of CSV.
+// Failure 2 if two columns have one name, asking for another.
+void CheckNamesDiffer(const std::vector<std::string>& columns);
+
+// One row as an object of one line, and as a line of CSV. The names of the columns differ.
 std::string JsonLine(const std::vector<std::string>& columns, const std::vector<Cell>& row);
 std::string CsvLine(const std::vector<Cell>& row);
 

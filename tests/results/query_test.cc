@@ -51,6 +51,34 @@ TEST_F(QueryTest, ChangesNothing) {
   EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find("1"), std::string::npos);
 }
 
+// An object of JSON has room for one value of a name.
+TEST_F(QueryTest, ColumnsOfOneNameAreBothPrintedOrRefused) {
+  const Table table = RunQuery(
+      db_.get(),
+      "SELECT r.run_id, s.name, t.name FROM run r JOIN study s USING (study_id) JOIN task t"
+      " USING (task_id)");
+  EXPECT_EQ(table.Print(TableForm::kCsv), "run_id,name,name\n1,default,walker_walk\n");
+  for (const TableForm form : {TableForm::kText, TableForm::kMarkdown}) {
+    EXPECT_NE(table.Print(form).find("default"), std::string::npos);
+    EXPECT_NE(table.Print(form).find("walker_walk"), std::string::npos);
+  }
+  for (const char* sql :
+       {"SELECT s.name, t.name FROM study s, task t", "SELECT * FROM v_run a, v_run b",
+        "SELECT 1 AS x, 2 AS x", "SELECT * FROM run JOIN study USING (study_id), task"}) {
+    try {
+      RunQuery(db_.get(), sql).Print(TableForm::kJson);
+      FAIL() << sql;
+    } catch (const Failure& error) {
+      EXPECT_EQ(error.code(), ExitCode::kUsage);
+      EXPECT_NE(std::string(error.what()).find(" AS "), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_NE(RunQuery(db_.get(), "SELECT s.name AS study, t.name AS task FROM study s, task t")
+                .Print(TableForm::kJson)
+                .find("\"study\": \"default\""),
+            std::string::npos);
+}
+
 TEST(OutputFile, WritesWhereALinkPointsAndLeavesTheLink) {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "sub");
