@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <set>
 #include <thread>
 
 #include "results/database/schema.h"
@@ -178,8 +179,8 @@ Database::Database(const std::string& path, OpenMode mode) {
   }
   connection_ = std::make_unique<Connection>(absolute, opened);
   if (opened == OpenMode::kReadWrite && mode == OpenMode::kReadOnly &&
-      connection_->QueryInt("PRAGMA application_id") == kApplicationId &&
-      connection_->QueryInt("PRAGMA user_version") < SchemaVersion()) {
+      connection_->QueryInt("PRAGMA user_version") < SchemaVersion() &&
+      (connection_->QueryInt("PRAGMA application_id") == kApplicationId || SchemaOfTables())) {
     Prepare(OpenMode::kReadWrite);
   }
   if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
@@ -190,12 +191,17 @@ void Database::Prepare(OpenMode mode) {
   Connection& db = *connection_;
   const auto ours = [&db] { return db.QueryInt("PRAGMA application_id") == kApplicationId; };
   const auto version = [&db] { return db.QueryInt("PRAGMA user_version").value_or(0); };
+  const auto marked = [&] { return ours() && version() != 0; };
   const auto blank = [&] {
     return db.QueryInt("PRAGMA application_id") == 0 && version() == 0 &&
            db.QueryInt("SELECT count(*) FROM sqlite_schema") == 0;
   };
 
   const bool create = mode == OpenMode::kCreate && blank();
+  if (!create && !marked()) {
+    const std::optional<std::int64_t> schema = SchemaOfTables();
+    if (schema) Mark(*schema, mode);
+  }
   if (!create && !ours()) {
     throw Failure(ExitCode::kBadInput,
                   path() + ": " +
@@ -203,6 +209,11 @@ void Database::Prepare(OpenMode mode) {
                                : "is an SQLite file of another program, not a results "
                                  "database.") +
                       " Name another file with --db.");
+  }
+  if (version() < 0) {
+    throw Failure(ExitCode::kBadInput, path() + ": has schema " + std::to_string(version()) +
+                                           ", which no program wrote: the file is damaged. "
+                                           "Restore a copy.");
   }
   if (version() > SchemaVersion()) {
     throw Failure(ExitCode::kBadInput, path() + ": has schema " + std::to_string(version()) +
@@ -255,6 +266,63 @@ void Database::Prepare(OpenMode mode) {
     if (code != SQLITE_OK) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   db.Execute("PRAGMA journal_size_limit = 67108864");
+}
+
+// The version whose tables, indices and triggers this file has, though it may not say so: they
+// are all that SQL text carries (`sqlite3 a.db .dump | sqlite3 b.db`). nullopt if it has not.
+std::optional<std::int64_t> Database::SchemaOfTables() {
+  const auto parts = [](sqlite3* handle) {
+    std::set<std::string> found;
+    const auto add = [](void* set, int, char** text, char**) {
+      static_cast<std::set<std::string>*>(set)->insert(text[0]);
+      return 0;
+    };
+    sqlite3_exec(handle,
+                 "SELECT type || ' ' || name || ' ' || sql FROM sqlite_schema WHERE sql IS NOT"
+                 " NULL AND type <> 'view' AND name NOT LIKE 'sqlite%'",
+                 add, &found, nullptr);
+    return found;
+  };
+  const std::set<std::string> here = parts(connection_->handle());
+  if (here.empty()) return std::nullopt;
+  sqlite3* opened = nullptr;
+  const int code = sqlite3_open(":memory:", &opened);
+  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> model(opened, sqlite3_close);
+  if (code != SQLITE_OK) return std::nullopt;
+  for (std::size_t v = 0; v < Migrations().size(); ++v) {
+    sqlite3_exec(model.get(), Migrations()[v].c_str(), nullptr, nullptr, nullptr);
+    const std::set<std::string> expected = parts(model.get());
+    if (std::includes(here.begin(), here.end(), expected.begin(), expected.end())) {
+      return static_cast<std::int64_t>(v) + 1;
+    }
+  }
+  return std::nullopt;
+}
+
+// Gives a file back the two marks that SQL text does not carry. Its views are made anew.
+void Database::Mark(std::int64_t schema, OpenMode mode) {
+  Connection& db = *connection_;
+  const std::string marks = "PRAGMA application_id = " + std::to_string(kApplicationId) +
+                            "; PRAGMA user_version = " + std::to_string(schema);
+  if (mode == OpenMode::kReadOnly) {
+    throw Failure(ExitCode::kPermission,
+                  path() +
+                      ": has the tables of a results database, but has lost its application_id and "
+                      "user_version, as files rebuilt from SQL text do, and this user may not "
+                      "write it. Give them back to a copy: sqlite3 COPY '" +
+                      marks + "'");
+  }
+  db.Transact([&] {
+    // Another process may have been faster.
+    if (db.QueryInt("PRAGMA application_id") == kApplicationId &&
+        db.QueryInt("PRAGMA user_version").value_or(0) != 0) {
+      return;
+    }
+    db.Execute(marks);
+  });
+  warnings_.push_back(path() +
+                      ": had the tables of a results database without its application_id and "
+                      "user_version, as files rebuilt from SQL text have; they were set.");
 }
 
 void Database::Migrate() {

@@ -287,6 +287,8 @@ class Database {
   Database(const std::string& path, OpenMode mode);
   std::string NewRunFolder(const std::string& uuid) const;
   void Prepare(OpenMode mode);
+  std::optional<std::int64_t> SchemaOfTables();
+  void Mark(std::int64_t schema, OpenMode mode);
   void Migrate();
 
   std::unique_ptr<Connection> connection_;

@@ -10,6 +10,7 @@
 
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -51,7 +52,9 @@ bool IsUnchangeable(const std::string& path) {
     case SQLITE_CORRUPT:
       throw Failure(ExitCode::kBadInput,
                     where + "the file is damaged (" + reason +
-                        "). Restore a copy, or recover rows with sqlite3's .recover.");
+                        "). Restore a copy, or save what can still be read: sqlite3 " +
+                        ShellWord(path) + " .dump | sed 's/^ROLLBACK;.*/COMMIT;/' | sqlite3 " +
+                        ShellWord(path + ".saved"));
     case SQLITE_FULL:
       throw Failure(ExitCode::kInputOutput, where + "the disk is full (" + FreeSpace(path) +
                                                 "). Make room and run the same command again.");
