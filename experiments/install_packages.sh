@@ -8,11 +8,11 @@ packages=(
   g++ cmake ninja-build git
   pkg-config libhwy-dev libmujoco-dev
   libboost-dev libboost-program-options-dev
-  libsqlite3-dev libssl-dev nlohmann-json3-dev
+  libsqlite3-dev libssl-dev nlohmann-json3-dev zlib1g-dev
   sqlite3 gnuplot-nox libjs-chart.js
 )
 if [[ "${1:-}" == --tests ]]; then
-  packages+=(libgtest-dev libgmock-dev libbenchmark-dev zlib1g-dev
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev
              libeigen3-dev libdnnl-dev libxsmm-dev
              python3 python3-numpy python3-scipy python3-venv chromium clang-format clang-tidy)
 elif [[ $# -gt 0 ]]; then

@@ -1,11 +1,15 @@
 #include "results/analysis/published.h"
 
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <tuple>
 
+#include "results/system/compressed.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/json_text.h"
@@ -102,6 +106,59 @@ std::int64_t ToSeed(const std::string& path, const std::string& where, const std
   return seed;
 }
 
+// "state" or "pixels", where words of one of these names tell of one of the two and no other.
+std::string ObsOfNames(const std::string& path, const std::string& method) {
+  static const std::set<std::string> state = {"proprio", "proprioception", "state", "states"};
+  static const std::set<std::string> pixels = {"pixel",   "pixels", "vision", "visual",
+                                               "visuals", "image",  "images", "rgb"};
+  const std::string file = std::filesystem::path(path).filename().string();
+  std::string obs;
+  std::string word;
+  for (const char c : file + " " + method + " ") {
+    if (std::isalpha(static_cast<unsigned char>(c)) != 0) {
+      word += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+      continue;
+    }
+    const std::string told = state.count(word) > 0    ? "state"
+                             : pixels.count(word) > 0 ? "pixels"
+                                                      : "";
+    word.clear();
+    if (told.empty()) continue;
+    if (!obs.empty() && obs != told) return kUnknownObs;
+    obs = told;
+  }
+  return obs.empty() ? kUnknownObs : obs;
+}
+
+// The file's name without what says that it was compressed.
+std::string PlainName(const std::string& path) {
+  const std::filesystem::path name = std::filesystem::path(path).filename();
+  return (name.extension() == ".gz" ? name.stem() : name).string();
+}
+
+// Points of one key as one, with the mean of their returns, in the order of the first.
+std::vector<PublishedPoint> Averaged(std::vector<PublishedPoint> points) {
+  std::map<
+      std::tuple<std::string, std::string, std::string, std::string, std::int64_t, std::int64_t>,
+      std::pair<std::size_t, std::int64_t>>
+      places;  // of the points that stay, and of how many each is
+  std::vector<PublishedPoint> averaged;
+  for (PublishedPoint& point : points) {
+    const auto [place, added] =
+        places.try_emplace({point.source, point.method, point.obs, point.task,
+                            point.seed.value_or(-1), point.env_steps},
+                           averaged.size(), 1);
+    if (added) {
+      averaged.push_back(std::move(point));
+      continue;
+    }
+    auto& [index, count] = place->second;
+    double& mean = averaged[index].episode_return;
+    mean += (point.episode_return - mean) / static_cast<double>(++count);
+  }
+  return averaged;
+}
+
 const std::string& Or(const std::string& setting, const std::string& otherwise) {
   return setting.empty() ? otherwise : setting;
 }
@@ -126,7 +183,7 @@ std::vector<PublishedPoint> ParseScores(const std::string& path, const std::vect
     PublishedPoint point;
     point.source = Or(settings.source, field("source"));
     point.method = Or(settings.method, field("method"));
-    point.obs = Or(settings.obs, field("obs"));
+    point.obs = Or(settings.obs, Or(field("obs"), ObsOfNames("", point.method)));
     point.task = SuiteTaskName(Or(settings.task, field("task")));
     point.env_steps =
         ToSteps(path, where, ParseReal(path, where, field("env_steps"), "env_steps"), settings);
@@ -162,8 +219,9 @@ std::vector<PublishedPoint> ParseTdmpc(const std::string& path, const std::vecto
     PublishedPoint point;
     point.source = Or(settings.source, method);
     point.method = Or(settings.method, method);
-    point.obs = Or(settings.obs, "state");
-    point.task = SuiteTaskName(Or(settings.task, file.stem().string()));
+    point.obs = Or(settings.obs, ObsOfNames(path, point.method));
+    point.task =
+        SuiteTaskName(Or(settings.task, std::filesystem::path(PlainName(path)).stem().string()));
     point.env_steps = ToSteps(
         path, where, ParseReal(path, where, rows[r].fields[columns["step"]], "step"), settings);
     point.seed = ToSeed(path, where, rows[r].fields[columns["seed"]]);
@@ -183,6 +241,7 @@ std::vector<PublishedPoint> ParseDreamer(const std::string& path, const std::str
   }
   if (!list.is_array()) Malformed(path, "", "expected a list of {task, method, seed, xs, ys}");
   std::vector<PublishedPoint> points;
+  std::map<std::tuple<std::string, std::string, std::int64_t>, std::size_t> curves;  // items
   for (std::size_t i = 0; i < list.size(); ++i) {
     const nlohmann::json& item = list[i];
     const std::string where = "item " + std::to_string(i);
@@ -215,10 +274,16 @@ std::vector<PublishedPoint> ParseDreamer(const std::string& path, const std::str
     }
     PublishedPoint point;
     point.method = Or(settings.method, text("method"));
-    point.source = Or(settings.source, std::filesystem::path(path).filename().string());
-    point.obs = Or(settings.obs, "pixels");
+    point.source = Or(settings.source, PlainName(path));
+    point.obs = Or(settings.obs, ObsOfNames(path, point.method));
     point.task = SuiteTaskName(Or(settings.task, text("task")));
     point.seed = ToSeed(path, where, text("seed"));
+    const auto [curve, first] = curves.try_emplace({point.task, point.method, *point.seed}, i);
+    if (!first) {
+      Malformed(path, where,
+                "task, method and seed are those of item " + std::to_string(curve->second) +
+                    "; two curves need two seeds");
+    }
     for (std::size_t k = 0; k < xs.size(); ++k) {
       point.env_steps = ToSteps(path, where, xs[k], settings);
       point.episode_return = ys[k];
@@ -240,12 +305,13 @@ std::string SuiteTaskName(const std::string& name) {
   return task;
 }
 
-std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::string& bytes,
+std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::string& packed,
                                            const ImportSettings& settings) {
+  const std::string bytes = Unpacked(path, packed);
   std::string format = settings.format;
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
   if (format.empty() && first != std::string::npos && bytes[first] == '[') format = "dreamer";
-  if (format == "dreamer") return ParseDreamer(path, bytes, settings);
+  if (format == "dreamer") return Averaged(ParseDreamer(path, bytes, settings));
   const std::vector<CsvRow> rows = ParseCsv(path, bytes);
   if (rows.empty()) Malformed(path, "", "is empty");
   if (format.empty()) {
@@ -253,8 +319,8 @@ std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::s
     for (const std::string& column : rows[0].fields) steps = steps || column == "step";
     format = steps ? "tdmpc2" : "scores";
   }
-  if (format == "scores") return ParseScores(path, rows, settings);
-  if (format == "tdmpc2") return ParseTdmpc(path, rows, settings);
+  if (format == "scores") return Averaged(ParseScores(path, rows, settings));
+  if (format == "tdmpc2") return Averaged(ParseTdmpc(path, rows, settings));
   throw Failure(ExitCode::kUsage, "no format '" + format + "'. Known: scores, dreamer, tdmpc2");
 }
 
@@ -266,7 +332,16 @@ std::int64_t StorePublished(Database* database, const std::vector<PublishedPoint
         " n_seeds, seed_sd) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9) ON CONFLICT DO UPDATE SET"
         " episode_return = excluded.episode_return, n_seeds = excluded.n_seeds,"
         " seed_sd = excluded.seed_sd");
+    Statement forget = db.Prepare(
+        "DELETE FROM published WHERE source = ?1 AND method = ?2 AND obs = ?3 AND task = ?4 AND"
+        " seed IS ?5 AND env_steps = ?6");
     for (const PublishedPoint& point : points) {
+      if (point.obs != kUnknownObs) {
+        forget
+            .Bind(point.source, point.method, std::string(kUnknownObs), point.task, point.seed,
+                  point.env_steps)
+            .Run();
+      }
       insert
           .Bind(point.source, point.method, point.obs, point.task, point.env_steps, point.seed,
                 point.episode_return, point.n_seeds, point.seed_sd)

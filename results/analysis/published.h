@@ -8,7 +8,9 @@
 // tdmpc2  CSV step,reward,seed, one file a task; the file name is the task, the
 //         folder's the method.
 // Tasks are stored under the suite's first names: a prefix "dmc_" goes, "-" is "_",
-// ball_in_cup is cup.
+// ball_in_cup is cup. What a method observes is told by the file's or the method's name
+// ("dmc_proprio-dreamerv3", "tdmpc2-pixels"), else it is kUnknownObs. Points of one seed at one
+// step are episodes of one evaluation: their mean is one point.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +21,8 @@
 #include "results/analysis/curves.h"
 
 namespace dreamsearch::results {
+
+inline constexpr char kUnknownObs[] = "unknown";
 
 struct PublishedPoint {
   std::string source, method, obs, task;
@@ -36,10 +40,12 @@ struct ImportSettings {
   std::int64_t steps_per_unit = 1;  // environment steps in one unit of the file's steps
 };
 
-// Failure 65 with file and line (or place) for anything that is not as expected.
+// Failure 65 with file and line (or place) for anything that is not as expected. `bytes` may be
+// compressed (Unpacked).
 std::vector<PublishedPoint> ParsePublished(const std::string& path, const std::string& bytes,
                                            const ImportSettings& settings);
-// Adds the points; one that is there already is replaced. Returns how many.
+// Adds the points; one that is there already is replaced, also if what it observes was not known.
+// Returns how many.
 std::int64_t StorePublished(Database* database, const std::vector<PublishedPoint>& points);
 
 // Our runs in those formats; published lines are left out.

@@ -1,4 +1,5 @@
 // results import - how do we compare with what others have published?
+#include <algorithm>
 #include <iostream>
 #include <set>
 
@@ -47,7 +48,8 @@ struct Import {
             "Reads the files into the table `published`. It knows three formats: a CSV of "
             "scores (source, method, obs, task, env_steps, seed, return), Dreamer's JSON "
             "lists ({task, method, seed, xs, ys}) and TD-MPC2's CSV of a task "
-            "(step,reward,seed; the file's name is the task, the folder's name the method).",
+            "(step,reward,seed; the file's name is the task, the folder's name the method). "
+            "Files may be packed with gzip.",
         .arguments = {{"", "FILE", Texts(&files).Required(), "the files to read"}},
         .groups = {
             {"Where", {DatabaseFlag(&db)}},
@@ -57,7 +59,8 @@ struct Import {
                "the format"},
               {"source", "NAME", Text(&settings.source), "who published the curves"},
               {"method", "NAME", Text(&settings.method), "the method"},
-              {"obs", "NAME", Text(&settings.obs), "what it observes, state or pixels"},
+              {"obs", "NAME", Text(&settings.obs).Default("by the file's or method's name"),
+               "what it observes, state or pixels"},
               {"task", "NAME", Text(&settings.task), "the task"},
               {"steps-per-unit", "N", Whole(&settings.steps_per_unit, 1),
                "environment steps in one unit of the file's steps"}}}}};
@@ -74,6 +77,12 @@ int Import::Run() {
   const auto database = Database::OpenOrCreate(db);
   for (const auto& [file, points] : parsed) {
     StorePublished(database.get(), points);
+    if (std::any_of(points.begin(), points.end(),
+                    [](const PublishedPoint& point) { return point.obs == kUnknownObs; })) {
+      std::cerr << "note: " << AbsolutePath(file)
+                << ": does not say what the method observes. Import it again with --obs state or "
+                   "--obs pixels if you know.\n";
+    }
     const std::string unknown = UnknownTasks(database.get(), points);
     if (!unknown.empty()) {
       std::cerr << "note: " << AbsolutePath(file) << ": this database has no run of " << unknown
