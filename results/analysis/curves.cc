@@ -6,6 +6,8 @@
 #include <set>
 #include <tuple>
 
+#include "results/analysis/common_steps.h"
+#include "results/analysis/published.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
 
@@ -71,45 +73,57 @@ bool Wanted(const std::vector<std::string>& methods, const std::string& method,
   });
 }
 
-// Published curves of the tasks that are drawn anyway.
-void ReadPublished(Connection& db, const CurveRequest& request, const std::set<std::string>& tasks,
+// Published curves of the tasks that are drawn anyway. Of two points of one key the lesser
+// counts, as if the databases had been merged.
+void ReadPublished(const std::vector<std::unique_ptr<Database>>& databases,
+                   const CurveRequest& request, const std::set<std::string>& tasks,
                    std::vector<Line>* lines) {
-  Statement rows = db.Prepare(
-      "SELECT p.source, p.method, p.obs, p.task, p.env_steps, p.seed, p.episode_return"
-      " FROM published p WHERE p.episode_return IS NOT NULL AND (p.seed IS NOT NULL OR NOT EXISTS"
-      " (SELECT 1 FROM published q WHERE q.source = p.source AND q.method = p.method AND"
-      " q.obs = p.obs AND q.task = p.task AND q.seed IS NOT NULL))"
-      " ORDER BY p.source, p.method, p.obs, p.task, p.seed, p.env_steps");
-  std::map<std::tuple<std::string, std::string, std::string, std::string>, Line> found;
+  if (request.axis != CurveAxis::kSteps) return;
+  using Curves = std::map<std::int64_t, std::map<std::int64_t, double>>;  // by seed and step
+  std::map<std::tuple<std::string, std::string, std::string, std::string>, Curves> found;
   std::set<std::pair<std::string, std::string>> sources;
-  while (rows.Step()) {
-    const std::string source = rows.Text(0), method = rows.Text(1), obs = rows.Text(2),
-                      task = rows.Text(3);
-    if (!Wanted(request.published, method, obs) || (!tasks.empty() && tasks.count(task) == 0)) {
-      continue;
+  for (const auto& database : databases) {
+    Statement rows = database->connection().Prepare(
+        "SELECT source, method, obs, task, ifnull(seed, -1), env_steps, episode_return"
+        " FROM published WHERE episode_return IS NOT NULL");
+    while (rows.Step()) {
+      const std::string source = rows.Text(0), method = rows.Text(1), obs = rows.Text(2),
+                        task = rows.Text(3);
+      if (!Wanted(request.published, method, obs) || (!tasks.empty() && tasks.count(task) == 0)) {
+        continue;
+      }
+      sources.emplace(method + "/" + obs, source);
+      const double value = rows.Real(6);
+      const auto [point, added] =
+          found[{source, method, obs, task}][rows.Int(4)].emplace(rows.Int(5), value);
+      if (!added) point->second = std::min(point->second, value);
     }
-    sources.emplace(method + "/" + obs, source);
-    Line& line = found[{source, method, obs, task}];
+  }
+  for (auto& [key, curves] : found) {
+    const auto& [source, method, obs, task] = key;
+    Line& line = lines->emplace_back();
     line.task = task;
     line.published = true;
-    line.label = method + " " + obs + ", published";
-    const std::int64_t seed = rows.OptionalInt(5).value_or(-1);
-    if (line.runs.empty() || line.runs.back().seed != seed) {
-      line.runs.push_back({.seed = seed});
-    }
-    RunCurve& run = line.runs.back();
-    run.env_step.push_back(rows.Int(4));
-    run.x.push_back(rows.Real(4));
-    run.value.push_back(rows.Real(6));
-    run.env_steps_done = run.env_steps_target = rows.Int(4);
-  }
-  for (auto& [key, line] : found) {
-    const auto& [source, method, obs, task] = key;
+    // A mean over seeds is of use only where there are no seeds.
+    if (curves.size() > 1) curves.erase(-1);
+    line.label = method + (obs == kUnknownObs ? "" : " " + obs) + ", published";
+    if (curves.count(-1) > 0) line.label += " mean over seeds";
     const auto same = std::count_if(sources.begin(), sources.end(), [&](const auto& other) {
       return other.first == method + "/" + obs;
     });
     if (same > 1) line.label += " by " + source;
-    if (request.axis == CurveAxis::kSteps) lines->push_back(std::move(line));
+    for (const auto& [seed, points] : curves) {
+      RunCurve& run = line.runs.emplace_back();
+      run.seed = seed;
+      for (const auto& [step, value] : points) {
+        if (!std::isfinite(value)) continue;
+        run.env_step.push_back(step);
+        run.x.push_back(static_cast<double>(step));
+        run.value.push_back(value);
+      }
+      run.evaluated = run.env_step;
+      run.env_steps_done = run.env_steps_target = points.rbegin()->first;
+    }
   }
 }
 
@@ -152,14 +166,18 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
       curve.env_steps_target = run.env_steps_target;
       Statement points =
           binned ? db.Prepare(
-                       "SELECT env_step_bin * 10000, sum_return / n FROM curve_bin"
-                       " WHERE run_id = ?1 AND phase = ?2 AND n > 0 ORDER BY env_step_bin")
+                       "SELECT env_step_bin * 10000, sum_return / nullif(n, 0) FROM curve_bin"
+                       " WHERE run_id = ?1 AND phase = ?2 ORDER BY env_step_bin")
                  : db.Prepare(
                        "SELECT env_step, avg(episode_return) FROM episode WHERE run_id = ?1"
-                       " AND phase = ?2 GROUP BY env_step HAVING count(episode_return) > 0"
-                       " ORDER BY env_step");
+                       " AND phase = ?2 GROUP BY env_step ORDER BY env_step");
       points.Bind(run.run_id, phase);
       while (points.Step()) {
+        curve.evaluated.push_back(points.Int(0));
+        if (points.IsNull(1) || !std::isfinite(points.Real(1))) {
+          curve.nonfinite.push_back(points.Int(0));
+          continue;
+        }
         curve.env_step.push_back(points.Int(0));
         curve.value.push_back(points.Real(1));
       }
@@ -175,9 +193,7 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
     }
   }
   if (!request.published.empty()) {
-    for (const auto& database : databases) {
-      ReadPublished(database->connection(), request, tasks, &lines);
-    }
+    ReadPublished(databases, request, tasks, &lines);
     std::stable_sort(lines.begin(), lines.end(),
                      [](const Line& a, const Line& b) { return a.task < b.task; });
   }
@@ -186,20 +202,30 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
 
 namespace {
 
-// One point for so many of a run.
+// One point for so many of a run; none where one of them has no finite return.
 RunCurve Thinned(const RunCurve& run, std::size_t group) {
   RunCurve thin = run;
   thin.x.clear();
   thin.env_step.clear();
   thin.value.clear();
-  for (std::size_t i = 0; i < run.env_step.size();) {
-    const std::size_t count = i == 0 ? 1 : std::min(group, run.env_step.size() - i);
-    double sum = 0;
-    for (std::size_t k = i; k < i + count; ++k) sum += run.value[k];
-    thin.env_step.push_back(run.env_step[i + count - 1]);
-    thin.x.push_back(run.x[i + count - 1]);
-    thin.value.push_back(sum / static_cast<double>(count));
+  thin.nonfinite.clear();
+  std::size_t point = 0;  // of run
+  for (std::size_t i = 0; i < run.evaluated.size();) {
+    const std::size_t count = i == 0 ? 1 : std::min(group, run.evaluated.size() - i);
+    const std::int64_t last = run.evaluated[i + count - 1];
     i += count;
+    double sum = 0;
+    std::size_t finite = 0;
+    for (; point < run.env_step.size() && run.env_step[point] <= last; ++point, ++finite) {
+      sum += run.value[point];
+    }
+    if (finite < count) {
+      thin.nonfinite.push_back(last);
+      continue;
+    }
+    thin.env_step.push_back(last);
+    thin.x.push_back(run.x[point - 1]);
+    thin.value.push_back(sum / static_cast<double>(count));
   }
   return thin;
 }
@@ -210,12 +236,14 @@ std::size_t Thin(std::size_t most_points, std::vector<Line>* lines) {
   std::size_t most = 1;
   for (const Line& line : *lines) {
     if (line.published) continue;
-    for (const RunCurve& run : line.runs) most = std::max(most, run.env_step.size());
+    for (const RunCurve& run : line.runs) most = std::max(most, run.evaluated.size());
   }
   const std::size_t group = (most + most_points - 1) / most_points;
   if (group <= 1) return 1;
   for (Line& line : *lines) {
     if (line.published) continue;
+    line.thinning = static_cast<std::int64_t>(group);
+    if (StepsOf({&line}).spacing() > 0) continue;
     for (RunCurve& run : line.runs) run = Thinned(run, group);
   }
   return group;
@@ -243,6 +271,13 @@ std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines) {
     }
   }
   return gaps;
+}
+
+std::vector<std::string> NotesOfRuns(const std::vector<Line>& lines) {
+  std::vector<std::string> notes;
+  for (const Line& line : lines) notes.insert(notes.end(), line.twice.begin(), line.twice.end());
+  for (std::string& gap : MissingOrUnfinished(lines)) notes.push_back(std::move(gap));
+  return notes;
 }
 
 }  // namespace dreamsearch::results

@@ -34,7 +34,9 @@ struct RunCurve {
   std::int64_t env_steps_target = 0;
   std::vector<double> x;  // of the axis asked for
   std::vector<std::int64_t> env_step;
-  std::vector<double> value;  // mean return of the point's episodes
+  std::vector<double> value;            // mean return of the point's episodes
+  std::vector<std::int64_t> nonfinite;  // steps at which no return was finite: no point
+  std::vector<std::int64_t> evaluated;  // steps of all of these, thinned or not
 };
 
 // The runs of one line: one task and everything else in common but the seed.
@@ -44,10 +46,14 @@ struct Line {
   std::string planner;  // empty for a published line
   std::size_t planner_rank = 0;
   bool published = false;
-  bool with_search = false;  // phase 1 rather than 2 or 0
-  bool binned = false;       // points are bins rather than evaluations
+  bool with_search = false;   // phase 1 rather than 2 or 0
+  bool binned = false;        // points are bins rather than evaluations
+  std::int64_t thinning = 1;  // one point stands for so many
   std::optional<double> return_low, return_high;
   std::vector<RunCurve> runs;  // by seed; runs without a point included
+  // Sentences: seeds that it lacks (missing_runs.h), and records that gave way to others of
+  // the same experiment (RunTwice).
+  std::vector<std::string> missing, twice;
 
   // Runs that have at least one point.
   int n() const;
@@ -59,12 +65,16 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
 
 // Replaces neighbouring points of each of our runs by their mean, as few as leave at most
 // about so many points of a run; the first point, of the untrained agent, stays by itself.
-// Published curves stay whole. Returns how many points became one: equal on every axis.
+// Runs of a line whose steps differ stay whole: of the grid on which they are averaged
+// (common_steps.h) only every so many steps stay, with their values as they were. Published
+// curves stay whole. Returns how many points became one: equal on every axis.
 std::size_t Thin(std::size_t most_points, std::vector<Line>* lines);
 
 // "walker_walk, mcts_pw: seed 2 failed at 12,000 of 60,000 steps." for every run
-// that did not finish, and every seed that others of the task have and this line
-// lacks.
+// that did not finish, and for every one that is missing.
 std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines);
+// What there is to know of the runs of these lines: experiments that were done twice, then
+// MissingOrUnfinished.
+std::vector<std::string> NotesOfRuns(const std::vector<Line>& lines);
 
 }  // namespace dreamsearch::results

@@ -1,8 +1,8 @@
 #include "results/analysis/efficiency.h"
 
 #include <algorithm>
-#include <map>
 
+#include "results/analysis/common_steps.h"
 #include "results/analysis/line_statistics.h"
 
 namespace dreamsearch::results {
@@ -13,41 +13,44 @@ EfficiencyCurve CurveOfLabel(const std::vector<Line>& lines, const std::string& 
   EfficiencyCurve curve;
   curve.label = label;
   curve.fewest_runs = SIZE_MAX;
-  std::map<std::int64_t, std::map<std::string, std::vector<double>>> at;  // env_step, task
-  std::map<std::string, std::size_t> expected;                            // runs of a task
+  std::vector<const Line*> own;
   bool ranged = true;
   for (const Line& line : lines) {
     if (line.label != label) continue;
+    own.push_back(&line);
     ranged = ranged && line.return_low && line.return_high;
-    if (!ranged) break;
     const auto n = static_cast<std::size_t>(line.n());
-    expected[line.task] = n;
     curve.fewest_runs = std::min(curve.fewest_runs, n);
     curve.most_runs = std::max(curve.most_runs, n);
-    for (const LinePoint& point : Points(line)) {
-      for (const double value : point.values) {
-        at[point.env_step][line.task].push_back((value - *line.return_low) /
-                                                (*line.return_high - *line.return_low));
-      }
-    }
   }
-  if (!ranged || expected.size() != tasks || curve.fewest_runs == 0) {
+  if (!ranged || own.size() != tasks || curve.fewest_runs == 0) {
     curve.left_out =
         label + " is left out: it does not have every task, or a task has no range of returns.";
     return curve;
   }
-  for (const auto& [env_step, by_task] : at) {
+  const CommonSteps common = StepsOf(own);
+  curve.interpolated = common.spacing() > 0;
+  for (const std::int64_t env_step : common.steps()) {
     Scores scores;
-    bool whole = by_task.size() == tasks;
-    for (const auto& [task, runs] : by_task) {
-      whole = whole && runs.size() == expected[task];
-      scores.push_back(runs);
+    bool whole = true;
+    for (const Line* line : own) {
+      auto& runs = scores.emplace_back();
+      for (const RunCurve& run : line->runs) {
+        const std::optional<ValueAtStep> at = common.ValueOf(run, env_step);
+        if (!at) continue;
+        runs.push_back((at->value - *line->return_low) / (*line->return_high - *line->return_low));
+      }
+      whole = whole && runs.size() == static_cast<std::size_t>(line->n());
     }
     if (!whole) continue;
     curve.points.push_back({env_step, InterquartileMeanEstimate(
                                           scores, request.profile_repetitions,
                                           StreamSeed(request.seed, "efficiency " + label +
                                                                        std::to_string(env_step)))});
+  }
+  if (curve.points.empty()) {
+    curve.left_out =
+        label + " is left out: there is no step at which every run has a value on every task.";
   }
   return curve;
 }

@@ -21,7 +21,8 @@ struct EfficiencyCurve {
   std::string label;
   std::string left_out;                        // why it has no points
   std::size_t fewest_runs = 0, most_runs = 0;  // of a task
-  std::vector<EfficiencyPoint> points;         // where every run of every task has an evaluation
+  bool interpolated = false;                   // the steps of its runs differ
+  std::vector<EfficiencyPoint> points;         // where every run of every task has a value
 };
 
 struct Efficiency {

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <map>
 
+#include "results/analysis/common_steps.h"
 #include "results/system/error.h"
+#include "results/system/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -18,7 +20,7 @@ Interval StudentInterval(const LinePoint& point) {
   return {point.mean - half, point.mean + half};
 }
 
-// By env_step: x, and the normalised score of every seed and task.
+// At a step: x, and the normalised score of every seed and task.
 struct ScoresAtStep {
   double x_sum = 0;
   int points = 0;
@@ -49,68 +51,92 @@ std::optional<LinePoint> MeanAt(const ScoresAtStep& here, std::size_t tasks, std
   return point;
 }
 
+// Why lines of one label have no mean over these tasks, where they have none.
+std::string WhyNoMean(const std::vector<const Line*>& lines, const std::set<std::string>& tasks) {
+  std::set<std::string> own_tasks;
+  std::map<std::int64_t, std::size_t> tasks_of_seed;
+  for (const Line* line : lines) {
+    own_tasks.insert(line->task);
+    // Published returns are of the same tasks, in the same range.
+    if (!line->published && !(line->return_low && line->return_high)) {
+      return "task " + line->task + " has no return range.";
+    }
+    for (const RunCurve& run : line->runs) {
+      if (!run.x.empty()) ++tasks_of_seed[run.seed];
+    }
+  }
+  const auto of_all = [&](std::size_t count) {
+    return " has " + std::to_string(count) + " of the " + Counted(tasks.size(), "task") + ".";
+  };
+  if (own_tasks != tasks) return "it" + of_all(own_tasks.size());
+  if (tasks_of_seed.empty()) return "it has no points.";
+  for (const auto& [seed, count] : tasks_of_seed) {
+    if (count == tasks.size()) continue;
+    return (seed < 0 ? "its mean over seeds" : "seed " + std::to_string(seed)) + of_all(count);
+  }
+  return "";
+}
+
 TaskMean MeanOverTasks(const std::vector<Line>& lines, const std::string& label,
                        const std::set<std::string>& tasks) {
   TaskMean mean;
   mean.label = label;
-  std::map<std::int64_t, ScoresAtStep> at;
-  std::set<std::string> own_tasks;
-  std::set<std::int64_t> own_seeds;
-  std::string without_range;
+  std::vector<const Line*> own;
+  std::set<std::int64_t> seeds;
   for (const Line& line : lines) {
     if (line.label != label) continue;
-    own_tasks.insert(line.task);
+    own.push_back(&line);
     mean.counts.insert(line.n());
     mean.published = line.published;
     mean.with_search = line.with_search;
-    // Published returns are of the same tasks, in the same range.
-    if (!line.published && !(line.return_low && line.return_high)) without_range = line.task;
-    const double low = line.return_low.value_or(0), high = line.return_high.value_or(1000);
     for (const RunCurve& run : line.runs) {
-      if (!run.x.empty()) own_seeds.insert(run.seed);
-      for (std::size_t i = 0; i < run.x.size(); ++i) {
-        ScoresAtStep& here = at[run.env_step[i]];
-        here.x_sum += run.x[i];
-        ++here.points;
-        here.by_seed[run.seed][line.task] = (run.value[i] - low) / (high - low);
-      }
+      if (!run.x.empty()) seeds.insert(run.seed);
     }
   }
-  if (own_tasks != tasks || !without_range.empty()) {
-    mean.left_out =
-        label + " is left out: " +
-        (without_range.empty() ? "it has " + std::to_string(own_tasks.size()) + " of the " +
-                                     std::to_string(tasks.size()) + " tasks."
-                               : "task " + without_range + " has no return range.");
-    return mean;
-  }
-  for (const auto& [env_step, here] : at) {
-    std::optional<LinePoint> point = MeanAt(here, tasks.size(), own_seeds.size());
+  mean.left_out = WhyNoMean(own, tasks);
+  const CommonSteps common = StepsOf(own);
+  mean.interpolated = common.spacing() > 0;
+  for (const std::int64_t step : common.steps()) {
+    if (!mean.left_out.empty()) break;
+    ScoresAtStep here;
+    for (const Line* line : own) {
+      const double low = line->return_low.value_or(0), high = line->return_high.value_or(1000);
+      for (const RunCurve& run : line->runs) {
+        const std::optional<ValueAtStep> at = common.ValueOf(run, step);
+        if (!at) continue;
+        here.x_sum += at->x;
+        ++here.points;
+        here.by_seed[run.seed][line->task] = (at->value - low) / (high - low);
+      }
+    }
+    std::optional<LinePoint> point = MeanAt(here, tasks.size(), seeds.size());
     if (!point) continue;
-    point->env_step = env_step;
+    point->env_step = step;
     mean.points.push_back(std::move(*point));
   }
+  if (mean.left_out.empty() && mean.points.empty()) {
+    mean.left_out = "there is no step at which every seed has a value on every task.";
+  }
+  if (!mean.left_out.empty()) mean.left_out = label + " is left out: " + mean.left_out;
   return mean;
 }
 
-}  // namespace
-
-std::vector<LinePoint> Points(const Line& line) {
-  std::map<std::int64_t, LinePoint> by_step;
-  for (const RunCurve& run : line.runs) {
-    for (std::size_t i = 0; i < run.x.size(); ++i) {
-      LinePoint& point = by_step[run.env_step[i]];
-      point.env_step = run.env_step[i];
-      point.lo = point.n == 0 ? run.value[i] : std::min(point.lo, run.value[i]);
-      point.hi = point.n == 0 ? run.value[i] : std::max(point.hi, run.value[i]);
-      point.x += run.x[i];
-      point.mean += run.value[i];
-      ++point.n;
-      point.values.push_back(run.value[i]);
-    }
-  }
+std::vector<LinePoint> PointsAt(const CommonSteps& common, const Line& line) {
   std::vector<LinePoint> points;
-  for (auto& [env_step, point] : by_step) {
+  for (const std::int64_t step : common.steps()) {
+    LinePoint point;
+    point.env_step = step;
+    for (const RunCurve& run : line.runs) {
+      const std::optional<ValueAtStep> at = common.ValueOf(run, step);
+      if (!at) continue;
+      point.lo = point.n == 0 ? at->value : std::min(point.lo, at->value);
+      point.hi = point.n == 0 ? at->value : std::max(point.hi, at->value);
+      point.x += at->x;
+      point.mean += at->value;
+      ++point.n;
+      point.values.push_back(at->value);
+    }
+    if (point.n == 0) continue;
     point.x /= point.n;
     point.mean /= point.n;
     point.interquartile_mean = InterquartileMean({point.values});
@@ -119,20 +145,38 @@ std::vector<LinePoint> Points(const Line& line) {
   return points;
 }
 
+// What a run has from a step on, the value at that step included.
+RunCurve Tail(const CommonSteps& common, const RunCurve& run, std::int64_t from) {
+  RunCurve tail = run;
+  const auto first =
+      std::lower_bound(run.env_step.begin(), run.env_step.end(), from) - run.env_step.begin();
+  tail.x.erase(tail.x.begin(), tail.x.begin() + first);
+  tail.env_step.erase(tail.env_step.begin(), tail.env_step.begin() + first);
+  tail.value.erase(tail.value.begin(), tail.value.begin() + first);
+  const std::optional<ValueAtStep> at = common.ValueOf(run, from);
+  if (at && !tail.env_step.empty() && tail.env_step.front() != from) {
+    tail.x.insert(tail.x.begin(), at->x);
+    tail.env_step.insert(tail.env_step.begin(), from);
+    tail.value.insert(tail.value.begin(), at->value);
+  }
+  return tail;
+}
+
+}  // namespace
+
+std::vector<LinePoint> Points(const Line& line) { return PointsAt(StepsOf({&line}), line); }
+
 LineCurve CurveOf(const Line& line) {
+  const CommonSteps common = StepsOf({&line});
   LineCurve curve;
   curve.n = line.n();
-  for (LinePoint& point : Points(line)) {
+  curve.interpolated = common.spacing() > 0;
+  for (LinePoint& point : PointsAt(common, line)) {
     if (point.n == curve.n) curve.points.push_back(std::move(point));
   }
   const std::int64_t last = curve.points.empty() ? -1 : curve.points.back().env_step;
   for (const RunCurve& run : line.runs) {
-    RunCurve tail = run;
-    const auto first =
-        std::lower_bound(run.env_step.begin(), run.env_step.end(), last) - run.env_step.begin();
-    tail.x.erase(tail.x.begin(), tail.x.begin() + first);
-    tail.env_step.erase(tail.env_step.begin(), tail.env_step.begin() + first);
-    tail.value.erase(tail.value.begin(), tail.value.begin() + first);
+    RunCurve tail = Tail(common, run, last);
     if (tail.x.size() > 1) curve.tails.push_back(std::move(tail));
   }
   return curve;

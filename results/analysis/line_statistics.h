@@ -16,7 +16,8 @@
 
 namespace dreamsearch::results {
 
-// A point of a line: at one env_step, over the runs that have a point there.
+// A point of a line: at one of the common steps of its runs (common_steps.h), over those that
+// have a value there.
 struct LinePoint {
   double x = 0;  // mean over runs, on the axis the lines were read for
   std::int64_t env_step = 0;
@@ -30,6 +31,7 @@ std::vector<LinePoint> Points(const Line& line);
 // What is drawn of a line.
 struct LineCurve {
   int n = 0;                      // runs with a point
+  bool interpolated = false;      // the steps of its runs differ
   std::vector<LinePoint> points;  // where all n runs have one: a mean over fewer would jump
   // From the last of these points on, the runs that have gone further than others.
   std::vector<RunCurve> tails;
@@ -48,6 +50,7 @@ struct TaskMean {
   bool published = false, with_search = false;  // as Line
   std::set<int> counts;                         // runs, by task
   std::string left_out;                         // why it has no points
+  bool interpolated = false;                    // as LineCurve
   std::vector<LinePoint> points;                // where every seed has every task
 };
 // In the order of OrderedLabels.
@@ -59,7 +62,7 @@ std::set<std::string> TasksOf(const std::vector<Line>& lines);
 std::vector<std::string> OrderedLabels(const std::vector<Line>& lines);
 
 // By task: task, line, env_step, x, mean, lo, hi, n; also where only some runs have a
-// point.
+// value: before the last has begun, after the first has ended.
 Table CurveTable(const std::vector<Line>& lines);
 // Over tasks: line, env_step, x, mean, lo, hi, n, in normalised scores and n seeds.
 Table OverTasksTable(const std::vector<Line>& lines);

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "results/analysis/common_steps.h"
 #include "results/analysis/run_groups.h"
 #include "results/figures/line_over_band.h"
 #include "results/system/text.h"
@@ -132,8 +133,10 @@ Figure EfficiencyFigure(const Efficiency& efficiency) {
   figure.x_label = "environment steps (before action repeat)";
   figure.y_label = "interquartile mean, normalised";
   Panel panel = {.title = "sample efficiency over " + Counted(efficiency.tasks, "task")};
+  bool interpolated = false;
   for (std::size_t i = efficiency.curves.size(); i-- > 0;) {
     const EfficiencyCurve& curve = efficiency.curves[i];
+    interpolated = interpolated || curve.interpolated;
     if (!curve.left_out.empty()) {
       figure.notes.push_back(curve.left_out);
       continue;
@@ -152,6 +155,7 @@ Figure EfficiencyFigure(const Efficiency& efficiency) {
   figure.notes.insert(figure.notes.begin(),
                       "n runs a task. Drawn where every run has a point. Band: 95 % interval of "
                       "the stratified bootstrap; none with fewer than 3 runs on a task.");
+  if (interpolated) figure.notes.push_back(kInterpolatedNote);
   return figure;
 }
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "results/analysis/common_steps.h"
 #include "results/database/schema.h"
 #include "results/figures/line_over_band.h"
 #include "results/system/text.h"
@@ -66,7 +67,7 @@ std::map<std::string, int> StylesOf(const std::vector<std::string>& labels) {
 // What the notes explain.
 struct Shown {
   int most_seeds = 0;  // of a line
-  bool two_seeds = false, tails = false;
+  bool two_seeds = false, tails = false, interpolated = false;
 };
 
 void AddLine(const Line& line, int style, CurveInterval interval, Panel* panel, Shown* shown) {
@@ -74,6 +75,7 @@ void AddLine(const Line& line, int style, CurveInterval interval, Panel* panel, 
   shown->most_seeds = std::max(shown->most_seeds, curve.n);
   shown->two_seeds = shown->two_seeds || curve.n == 2;
   shown->tails = shown->tails || !curve.tails.empty();
+  shown->interpolated = shown->interpolated || curve.interpolated;
   LineOverBand mean(style);
   Series dots = {.mark = Series::Mark::kPoints, .style = style};
   for (const LinePoint& point : curve.points) {
@@ -93,11 +95,11 @@ void AddLine(const Line& line, int style, CurveInterval interval, Panel* panel, 
 }
 
 void AddGapNotes(const std::vector<Line>& lines, std::vector<std::string>* notes) {
-  const std::vector<std::string> gaps = MissingOrUnfinished(lines);
+  const std::vector<std::string> gaps = NotesOfRuns(lines);
   for (std::size_t i = 0; i < gaps.size() && i < kGapsShown; ++i) notes->push_back(gaps[i]);
   if (gaps.size() > kGapsShown) {
     notes->push_back("and " + std::to_string(gaps.size() - kGapsShown) +
-                     " more runs that are missing or did not finish.");
+                     " more notes of runs that are missing, did not finish or were run twice.");
   }
 }
 
@@ -178,6 +180,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
     note += " With search: evaluated with the planner; actor: with the actor's mode action.";
   }
   figure.notes.push_back(note);
+  if (shown.interpolated) figure.notes.push_back(kInterpolatedNote);
   AddGapNotes(lines, &figure.notes);
   return figure;
 }
@@ -188,6 +191,7 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
   figure.y_label = "mean over tasks, " + YLabel(request) + ", normalised";
   Panel panel = {.title = "mean over " + Counted(TasksOf(lines).size(), "task")};
   const std::vector<TaskMean> means = MeansOverTasks(lines);
+  bool interpolated = false;
   // The first planner last, on top.
   for (std::size_t i = means.size(); i-- > 0;) {
     const TaskMean& mean = means[i];
@@ -195,6 +199,7 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
       figure.notes.push_back(mean.left_out);
       continue;
     }
+    interpolated = interpolated || mean.interpolated;
     const int style = static_cast<int>(i);
     LineOverBand line(style);
     for (const LinePoint& point : mean.points) {
@@ -213,6 +218,7 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
       "minimum to maximum over seeds; fewer than 3 give none.";
   if (figure.x_high) note += kCutNote;
   figure.notes.insert(figure.notes.begin(), note);
+  if (interpolated) figure.notes.push_back(kInterpolatedNote);
   AddGapNotes(lines, &figure.notes);
   return figure;
 }

@@ -1,6 +1,7 @@
 // results curves - how do returns grow with steps, seconds or model transitions?
 #include <iostream>
 
+#include "results/analysis/common_steps.h"
 #include "results/figures/curve_figure.h"
 #include "results/program/commands.h"
 #include "results/program/selection.h"
@@ -101,8 +102,17 @@ int Curves::Run() {
     Draw(figure, out);
     std::cerr << "wrote " << AbsolutePath(out) << "\n";
   }
-  for (const std::string& gap : MissingOrUnfinished(lines))
-    std::cerr << "note: " << Printable(gap) << "\n";
+  std::vector<std::string> notes = NotesOfRuns(lines);
+  bool interpolated = false;
+  for (const TaskMean& mean : kind == "mean" ? MeansOverTasks(lines) : std::vector<TaskMean>()) {
+    if (!mean.left_out.empty()) notes.push_back(mean.left_out);
+    interpolated = interpolated || (mean.left_out.empty() && mean.interpolated);
+  }
+  for (const Line& line : kind == "tasks" ? lines : std::vector<Line>()) {
+    interpolated = interpolated || StepsOf({&line}).spacing() > 0;
+  }
+  if (interpolated) notes.push_back(kInterpolatedNote);
+  for (const std::string& note : notes) std::cerr << "note: " << Printable(note) << "\n";
   return static_cast<int>(ExitCode::kOk);
 }
 

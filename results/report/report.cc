@@ -6,6 +6,7 @@
 #include <set>
 #include <utility>
 
+#include "results/analysis/common_steps.h"
 #include "results/analysis/line_statistics.h"
 #include "results/analysis/time_use.h"
 #include "results/database/query.h"
@@ -62,11 +63,14 @@ std::string Summary(const std::vector<GroupedRun>& runs, const std::vector<Line>
 }
 
 // How the points of the curves came about.
-std::string CurveNotes(std::size_t group, bool binned, std::size_t databases) {
+std::string CurveNotes(std::size_t group, bool binned, bool interpolated, std::size_t databases) {
   std::string note;
+  if (interpolated) note += std::string(kInterpolatedNote) + " ";
   if (group > 1) {
     note += "Each point but the first is the mean of " + std::to_string(group) + " neighbouring " +
-            (binned ? "bins of 10,000 steps" : "evaluations") + "; the query gives every one. ";
+            (binned ? "bins of 10,000 steps" : "evaluations") +
+            (interpolated ? ", or where the steps of seeds differ one of so many" : "") +
+            "; the query gives every one. ";
   }
   if (databases > 1) {
     note += "A query is of one database: merge them (`results merge`) to ask it of all runs.";
@@ -231,6 +235,8 @@ std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
   }
   const bool binned =
       std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; });
+  const bool interpolated = std::any_of(
+      lines.begin(), lines.end(), [](const Line& line) { return StepsOf({&line}).spacing() > 0; });
   const std::vector<GroupedRun> runs = TrainedRuns(databases, request.filter);
   const std::vector<TimeUse> time = ReadTimeUse(databases, request.filter);
   const ReportQueries queries(request.filter, lines);
@@ -241,7 +247,7 @@ std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
            HtmlText(request.title.empty() ? "Results: " + StudyNames(runs) : request.title)},
           {"style", std::string(ReportStyle())},
           {"summary", Summary(runs, lines)},
-          {"curve_notes", CurveNotes(group, binned, databases.size())},
+          {"curve_notes", CurveNotes(group, binned, interpolated, databases.size())},
           {"curve_picture",
            PictureWithoutScript(CurvesByTask(lines, curves, CurveInterval::kMinMax),
                                 "Learning curves by task")},

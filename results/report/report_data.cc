@@ -50,7 +50,7 @@ std::vector<Chart> ChartsOf(const std::vector<Line>& lines) {
   for (TaskMean& mean : MeansOverTasks(lines)) {
     if (!mean.left_out.empty()) continue;
     const int n = mean.points.empty() ? 0 : mean.points.front().n;
-    over_tasks.curves.push_back({mean.label, {n, std::move(mean.points), {}}, {}});
+    over_tasks.curves.push_back({mean.label, {.n = n, .points = std::move(mean.points)}, {}});
   }
   return charts;
 }

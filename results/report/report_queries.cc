@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 
+#include "results/analysis/common_steps.h"
 #include "results/analysis/line_statistics.h"
 
 namespace dreamsearch::results {
@@ -63,7 +64,23 @@ ReportQueries::ReportQueries(const RunFilter& filter, const std::vector<Line>& l
       line_of_run_(LineOfRun(lines)),
       tasks_(TasksOf(lines).size()),
       binned_(
-          std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; })) {}
+          std::any_of(lines.begin(), lines.end(), [](const Line& line) { return line.binned; })) {
+  std::map<std::string, std::vector<const Line*>> by_label;
+  const auto add = [](const std::vector<const Line*>& grid, std::map<Place, std::int64_t>* to) {
+    std::int64_t thinning = 1;  // the queries give every step
+    for (const Line* line : grid) thinning = std::max(thinning, line->thinning);
+    const std::int64_t spacing = StepsOf(grid).spacing() / thinning;
+    for (const Line* line : grid) {
+      if (spacing > 0) to->emplace(Place(line->task, line->label), spacing);
+    }
+  };
+  for (const Line& line : lines) {
+    if (line.published) continue;
+    by_label[line.label].push_back(&line);
+    add({&line}, &uneven_by_task_);
+  }
+  for (const auto& [label, of_label] : by_label) add(of_label, &uneven_over_tasks_);
+}
 
 std::string ReportQueries::Chosen(const std::string& study, const std::string& task,
                                   const std::string& planner, const std::string& seed) const {
@@ -87,37 +104,88 @@ std::string ReportQueries::WithRuns() const {
          Chosen("study.name", "task.name", "run.planner", "run.seed") + ")";
 }
 
-std::string ReportQueries::WithPoints() const {
-  return WithRuns() + ", p AS (\n" +
-         (binned_
-              ? "  SELECT r.*, b.env_step_bin * 10000 AS env_step, b.sum_return / b.n AS mean\n"
-                "  FROM r JOIN curve_bin b ON b.run_id = r.run_id AND b.phase = r.phase AND b.n > "
-                "0)"
-              : "  SELECT r.*, e.env_step, avg(e.episode_return) AS mean\n"
-                "  FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
-                "  GROUP BY r.run_id, e.env_step HAVING count(e.episode_return) > 0)");
+std::string ReportQueries::WithPoints(bool by_task) const {
+  // Where runs are interpolated, evaluations that were not finite keep their place.
+  const std::map<Place, std::int64_t>& uneven = by_task ? uneven_by_task_ : uneven_over_tasks_;
+  const bool plain = uneven.empty();
+  std::string sql =
+      WithRuns() + ", p AS (\n" +
+      (binned_ ? "  SELECT r.*, b.env_step_bin * 10000 AS env_step, b.sum_return / nullif(b.n, 0) "
+                 "AS mean\n"
+                 "  FROM r JOIN curve_bin b ON b.run_id = r.run_id AND b.phase = r.phase" +
+                     std::string(plain ? " AND b.n > 0)" : ")")
+               : "  SELECT r.*, e.env_step, avg(e.episode_return) AS mean\n"
+                 "  FROM r JOIN episode e ON e.run_id = r.run_id AND e.phase = r.phase\n"
+                 "  GROUP BY r.run_id, e.env_step" +
+                     std::string(plain ? " HAVING count(e.episode_return) > 0)" : ")"));
+  if (plain) return sql + ",\nc AS (SELECT * FROM p)";
+
+  std::vector<std::string> rows;
+  for (const auto& [place, spacing] : uneven) {
+    rows.push_back("\n    (" + SqlText(place.first) + ", " + SqlText(place.second) + ", " +
+                   std::to_string(spacing) + ")");
+  }
+  const std::string group = by_task ? "task, line" : "line";
+  return sql +
+         ",\nu(task, line, spacing) AS (  -- lines whose seeds were evaluated at other steps\n"
+         "  VALUES" +
+         Joined(rows) +
+         "),\ne AS (  -- the steps that all of their runs cover\n"
+         "  SELECT task, line, spacing, max(a) AS a, min(z) AS z FROM (\n"
+         "    SELECT task, line, min(env_step) AS a, max(env_step) AS z\n"
+         "    FROM p WHERE mean IS NOT NULL GROUP BY run_id)\n"
+         "  JOIN u USING (task, line) GROUP BY " +
+         group +
+         " HAVING max(a) <= min(z)),\n"
+         "m AS (  -- whole multiples of the spacing\n"
+         "  SELECT task, line, spacing, a / spacing * spacing AS env_step, z FROM e\n"
+         "  UNION ALL SELECT task, line, spacing, env_step + spacing, z FROM m\n"
+         "  WHERE env_step + spacing < z),\n"
+         "g AS (\n"
+         "  SELECT task, line, a AS env_step FROM e UNION SELECT task, line, z FROM e\n"
+         "  UNION SELECT m.task, m.line, env_step FROM m JOIN e USING (" +
+         group +
+         ") WHERE env_step > e.a),\n"
+         "w AS (\n"
+         "  SELECT *, lead(env_step) OVER run AS next_step, lead(mean) OVER run AS next_mean\n"
+         "  FROM p WINDOW run AS (PARTITION BY run_id ORDER BY env_step)),\n"
+         "c AS (\n"
+         "  SELECT task, line, seed, run_id, return_low, return_high, env_step, mean FROM p\n"
+         "  WHERE mean IS NOT NULL AND NOT EXISTS\n"
+         "    (SELECT 1 FROM u WHERE u.task = p.task AND u.line = p.line)\n"
+         "  UNION ALL\n"
+         "  SELECT w.task, w.line, seed, run_id, return_low, return_high, g.env_step,\n"
+         "    CASE WHEN g.env_step = w.env_step THEN mean ELSE mean + (next_mean - mean) *\n"
+         "      (1.0 * (g.env_step - w.env_step) / (next_step - w.env_step)) END AS value\n"
+         "  FROM g JOIN w ON " +
+         std::string(by_task ? "w.task = g.task AND " : "") +
+         "w.line = g.line AND (g.env_step = w.env_step OR\n"
+         "    g.env_step > w.env_step AND g.env_step < next_step)\n"
+         "  WHERE value IS NOT NULL)";
 }
 
 std::string ReportQueries::Curves() const {
-  return WithPoints() +
+  return WithPoints(true) +
          ", n AS (\n"
-         "  SELECT task, line, count(DISTINCT run_id) AS runs FROM p GROUP BY task, line)\n"
+         "  SELECT task, line, count(DISTINCT run_id) AS runs FROM p WHERE mean IS NOT NULL\n"
+         "  GROUP BY task, line)\n"
          "SELECT task, line, env_step, avg(mean) AS mean, min(mean) AS lo, max(mean) AS hi,\n"
          "  count(*) AS seeds\n"
-         "FROM p JOIN n USING (task, line)\n"
+         "FROM c JOIN n USING (task, line)\n"
          "GROUP BY task, line, env_step HAVING count(*) = runs\n"
          "ORDER BY task, line, env_step";
 }
 
 std::string ReportQueries::OverTasks() const {
-  return WithPoints() +
+  return WithPoints(false) +
          ", s AS (\n"
          "  SELECT line, seed, env_step,\n"
          "    avg((mean - return_low) / (return_high - return_low)) AS score\n"
-         "  FROM p GROUP BY line, seed, env_step HAVING count(*) = " +
+         "  FROM c GROUP BY line, seed, env_step HAVING count(*) = " +
          std::to_string(tasks_) +
          "),\nn AS (\n"
-         "  SELECT line, count(DISTINCT seed) AS seeds FROM p GROUP BY line)\n"
+         "  SELECT line, count(DISTINCT seed) AS seeds FROM p WHERE mean IS NOT NULL\n"
+         "  GROUP BY line)\n"
          "SELECT line, env_step, avg(score) AS mean, min(score) AS lo, max(score) AS hi, seeds\n"
          "FROM s JOIN n USING (line)\n"
          "GROUP BY line, env_step HAVING count(*) = seeds\n"

@@ -2,7 +2,10 @@
 // database, all of them where the page thins them out.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "results/analysis/curves.h"
@@ -30,13 +33,17 @@ class ReportQueries {
                      const std::string& seed) const;
   // The runs of the page with the phase that is drawn of each, as table r.
   std::string WithRuns() const;
-  // And their points, as table p.
-  std::string WithPoints() const;
+  // And their points, as table p, and their values at common steps, as table c: of the runs
+  // of one task, or of all tasks.
+  std::string WithPoints(bool by_task) const;
 
   RunFilter filter_;
   std::string line_of_run_;  // SQL: a run's line
   std::size_t tasks_ = 0;
   bool binned_ = false;  // points are bins rather than evaluations
+  // The spacing of the grid, for lines that are averaged on one (common_steps.h).
+  using Place = std::pair<std::string, std::string>;  // task, line
+  std::map<Place, std::int64_t> uneven_by_task_, uneven_over_tasks_;
 };
 
 }  // namespace dreamsearch::results

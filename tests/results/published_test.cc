@@ -1,6 +1,7 @@
 #include "results/analysis/published.h"
 
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <fstream>
 
@@ -70,6 +71,107 @@ TEST(Published, TdmpcsFilesTakeTaskAndMethodFromTheirPath) {
   EXPECT_EQ(points[1].seed, 1);
 }
 
+std::string Gzip(const std::string& text) {
+  z_stream stream = {};
+  deflateInit2(&stream, 9, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY);
+  std::string packed(deflateBound(&stream, text.size()) + 64, '\0');
+  std::string input = text;
+  stream.next_in = reinterpret_cast<Bytef*>(input.data());
+  stream.avail_in = static_cast<uInt>(input.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  deflate(&stream, Z_FINISH);
+  packed.resize(packed.size() - stream.avail_out);
+  deflateEnd(&stream);
+  return packed;
+}
+
+constexpr char kList[] =
+    R"([{"task":"dmc_walker_walk","method":"m","seed":0,"xs":[1,2],"ys":[1.5,2]}])";
+
+TEST(Published, GzipFilesAreUnpacked) {
+  std::vector<PublishedPoint> points = Parse(Gzip(kList), {}, "/x/dmc_proprio-m.json.gz");
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].source, "dmc_proprio-m.json");
+  EXPECT_EQ(points[1].episode_return, 2);
+  points = Parse(Gzip("step,reward,seed\n0,1,1\n"), {}, "/x/tdmpc2/walker-walk.csv.gz");
+  EXPECT_EQ(points.at(0).task, "walker_walk");
+  // Of several members, and longer than a buffer.
+  std::string csv = "step,reward,seed\n";
+  for (int i = 0; i < 30000; ++i) csv += std::to_string(i) + ",0.5,1\n";
+  const std::string half = csv.substr(0, 100000);
+  EXPECT_EQ(Parse(Gzip(half) + Gzip(csv.substr(100000))).size(), 30000u);
+}
+
+TEST(Published, OtherCompressedFilesAreNamedWithTheCommandThatUnpacksThem) {
+  const std::string gzip = Gzip(kList);
+  ExpectMalformed(gzip.substr(0, gzip.size() - 9), "damaged or cut short");
+  ExpectMalformed(gzip.substr(0, 2), "damaged or cut short");
+  std::string flipped = gzip;
+  flipped[gzip.size() / 2] = static_cast<char>(flipped[gzip.size() / 2] ^ 4);
+  ExpectMalformed(flipped, "damaged or cut short");
+  ExpectMalformed(gzip + "x", "damaged or cut short");
+  ExpectMalformed(std::string("\xfd") + "7zXZ", "xz -dk /x/tdmpc2/walker-walk.csv");
+  ExpectMalformed("\x28\xb5\x2f\xfd.", "zstd -dk /x");
+  ExpectMalformed("BZh91AY", "bzip2 -dk /x");
+  ExpectMalformed("PK\x03\x04.", "unzip /x");
+}
+
+TEST(Published, WhatAMethodObservesIsToldByANameOrUnknown) {
+  const auto obs = [](const std::string& path, const ImportSettings& settings = {}) {
+    return Parse(kList, settings, path).at(0).obs;
+  };
+  EXPECT_EQ(obs("/x/dmc_proprio-dreamerv3.json"), "state");
+  EXPECT_EQ(obs("/x/dmc_vision-dreamerv3.json.gz"), "pixels");
+  EXPECT_EQ(obs("/x/scores.json"), kUnknownObs);
+  EXPECT_EQ(obs("/vision/scores.json"), kUnknownObs);        // a folder of many files
+  EXPECT_EQ(obs("/x/stateless.json"), kUnknownObs);          // part of a word
+  EXPECT_EQ(obs("/x/proprio-vs-pixels.json"), kUnknownObs);  // of both
+  EXPECT_EQ(obs("/x/dmc_vision.json", {.obs = "state"}), "state");
+  EXPECT_EQ(obs("/x/scores.json", {.method = "drq-pixels"}), "pixels");
+  const std::string csv = "step,reward,seed\n0,1,1\n";
+  EXPECT_EQ(Parse(csv, {}, "/x/tdmpc2/walker-walk.csv").at(0).obs, kUnknownObs);
+  EXPECT_EQ(Parse(csv, {}, "/x/tdmpc2-pixels/walker-walk.csv").at(0).obs, "pixels");
+}
+
+TEST(Published, WhatWasUnknownIsReplacedWhenItIsTold) {
+  const TemporaryFolder folder;
+  const auto db = Database::OpenOrCreate(folder / "r.db");
+  StorePublished(db.get(), Parse(kList, {}, "/x/a.json"));
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM published WHERE obs = 'unknown'"), 2);
+  StorePublished(db.get(), Parse(kList, {.obs = "state"}, "/x/a.json"));
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM published"), 2);
+  EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM published WHERE obs = 'state'"), 2);
+}
+
+// Episodes of one evaluation; the last of them is not the evaluation's return.
+TEST(Published, PointsOfOneSeedAtOneStepAreTheirMean) {
+  const std::vector<PublishedPoint> points =
+      Parse("step,reward,seed\n0,1,1\n0,2,1\n5,9,1\n0,6,1\n");
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].episode_return, 3);
+  EXPECT_EQ(points[1].episode_return, 9);
+}
+
+TEST(Published, TwoCurvesOfOneSeedAreRefused) {
+  ExpectMalformed(R"([{"task":"t","method":"m","seed":0,"xs":[1],"ys":[1]},)"
+                  R"({"task":"t","method":"m","seed":0,"xs":[1],"ys":[2]}])",
+                  "item 1");
+}
+
+TEST(Published, UnsortedPointsAreDrawnInOrder) {
+  const TemporaryFolder folder;
+  std::vector<std::unique_ptr<Database>> databases;
+  databases.push_back(Database::OpenOrCreate(folder / "r.db"));
+  MakeRun(databases[0].get());
+  StorePublished(databases[0].get(),
+                 Parse("step,reward,seed\n30,3,1\n10,1,1\n9007199254740992,4,1\n20,2,1\n"));
+  const std::vector<Line> lines = ReadLines(databases, {.published = {"all"}});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[1].label, "tdmpc2, published");
+  EXPECT_EQ(lines[1].runs.at(0).value, (std::vector<double>{1, 2, 3, 4}));
+}
+
 TEST(Published, WhatIsMalformedIsNamedWithItsPlace) {
   ExpectMalformed("", "is empty");
   ExpectMalformed("a,b\n1,2\n", "column 'source'");
@@ -137,6 +239,18 @@ TEST(Published, CurvesAreDrawnBesideOurs) {
   EXPECT_TRUE(lines[1].published);
   EXPECT_EQ(lines[1].task, "walker_walk");
   EXPECT_EQ(lines[1].n(), 1);
+}
+
+// Else its legend would say that one seed was run.
+TEST(Published, AMeanOverSeedsIsNotCalledASeed) {
+  const TemporaryFolder folder;
+  std::vector<std::unique_ptr<Database>> databases;
+  databases.push_back(Database::OpenOrCreate(folder / "r.db"));
+  MakeRun(databases[0].get(), {.task = "cup_catch"});
+  StorePublished(databases[0].get(), Parse(kScores));
+  const std::vector<Line> lines = ReadLines(databases, {.published = {"all"}});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[1].label, "agent pixels, published mean over seeds");
 }
 
 TEST(Published, TheAxisEndsWithOurRuns) {
