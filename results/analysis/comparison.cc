@@ -50,11 +50,12 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
                                  group.label + " is left out there.");
       continue;
     }
-    for (const auto& [run, database, phase] : group.runs) {
+    for (const auto& [run, database, phase, notes] : group.runs) {
+      comparison.notes.insert(comparison.notes.end(), notes.begin(), notes.end());
       const std::int64_t at = request.at > 0 ? request.at : run.env_steps_target;
       Statement score = database->connection().Prepare(
-          "SELECT avg(episode_return) FROM episode WHERE run_id = ?1 AND phase = ?2 AND"
-          " env_step <= ?3 AND 10 * env_step > 9 * ?3");
+          "SELECT avg(episode_return), count(*), count(episode_return) FROM episode WHERE"
+          " run_id = ?1 AND phase = ?2 AND env_step <= ?3 AND 10 * env_step > 9 * ?3");
       score.Bind(run.run_id, phase, at).Step();
       if (score.IsNull(0)) {
         const std::string unfinished = Unfinished(run);
@@ -64,6 +65,13 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
             "; it has no score, because there is no evaluation in the last tenth before step " +
             GroupDigits(at) + ".");
         continue;
+      }
+      if (score.Int(2) < score.Int(1)) {
+        comparison.notes.push_back(group.task + ", " + group.label + ": the score of seed " +
+                                   std::to_string(run.seed) + " is without " +
+                                   std::to_string(score.Int(1) - score.Int(2)) + " of its " +
+                                   Counted(static_cast<std::uint64_t>(score.Int(1)), "episode") +
+                                   ", whose return was not finite.");
       }
       scores[group.label][group.task].push_back((score.Real(0) - *group.return_low) /
                                                 (*group.return_high - *group.return_low));

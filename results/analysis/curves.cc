@@ -8,6 +8,7 @@
 
 #include "results/analysis/common_steps.h"
 #include "results/analysis/published.h"
+#include "results/database/same_run.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
 
@@ -155,8 +156,9 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
     line.binned = binned;
     line.return_low = group.return_low;
     line.return_high = group.return_high;
-    for (const auto& [run, database, phase] : group.runs) {
+    for (const auto& [run, database, phase, notes] : group.runs) {
       Connection& db = database->connection();
+      line.twice.insert(line.twice.end(), notes.begin(), notes.end());
       line.with_search = line.with_search || phase == 1;
       RunCurve& curve = line.runs.emplace_back();
       curve.seed = run.seed;

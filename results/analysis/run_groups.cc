@@ -7,6 +7,8 @@
 #include <sstream>
 #include <tuple>
 
+#include "results/database/query.h"
+#include "results/database/same_run.h"
 #include "results/system/error.h"
 #include "results/system/json_text.h"
 #include "results/system/table.h"
@@ -37,6 +39,26 @@ std::map<std::string, std::size_t> PlannerRanks(
   std::map<std::string, std::size_t> ranks;
   for (const auto& [first, planner] : order) ranks.emplace(planner, ranks.size());
   return ranks;
+}
+
+// A score is a share of its task's range, and a return is that of its task.
+void CheckTasks(const std::vector<GroupedRun>& runs) {
+  std::map<std::string, std::pair<Database*, std::vector<Cell>>> tasks;
+  std::set<std::pair<std::string, Database*>> read;
+  for (const GroupedRun& item : runs) {
+    if (!read.emplace(item.run.task, item.database).second) continue;
+    Statement row = item.database->connection().Prepare(
+        "SELECT domain, observation_size, action_size, control_seconds, substeps, episode_steps,"
+        " return_low, return_high FROM task WHERE name = ?1");
+    if (!row.Bind(item.run.task).Step()) continue;
+    const auto [first, added] =
+        tasks.emplace(item.run.task, std::pair(item.database, ReadCells(row)));
+    if (added || first->second.second == ReadCells(row)) continue;
+    throw Failure(ExitCode::kBadInput,
+                  item.database->path() + ": task '" + Printable(item.run.task) +
+                      "' has other values here than in " + first->second.first->path() +
+                      ". Runs of both must not be averaged: name one of the two with --db.");
+  }
 }
 
 bool IsEvaluation(const RunInfo& run) {
@@ -183,12 +205,27 @@ std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>
   RunFilter trained = filter;
   trained.with_evaluations = false;
   std::vector<GroupedRun> runs;
-  std::set<std::string> uuids;
+  std::map<std::string, std::size_t> by_uuid;
+  std::map<ExperimentKey, std::size_t> by_key;
   for (const auto& database : databases) {
     for (RunInfo& run : database->ListRuns(trained)) {
-      if (uuids.insert(run.uuid).second) runs.push_back({std::move(run), database.get()});
+      auto found = by_uuid.find(run.uuid);
+      const bool twice = found == by_uuid.end() && by_key.count(KeyOf(run)) > 0;
+      if (found == by_uuid.end() && !twice) {
+        by_uuid[run.uuid] = by_key[KeyOf(run)] = runs.size();
+        runs.push_back({std::move(run), database.get()});
+        continue;
+      }
+      const std::size_t place = twice ? by_key.at(KeyOf(run)) : found->second;
+      GroupedRun& there = runs[place];
+      if (twice) there.notes.push_back(RunTwice(run, there.run));
+      by_uuid[run.uuid] = place;
+      if (!StaysOver(run, there.run)) continue;
+      there.run = std::move(run);
+      there.database = database.get();
     }
   }
+  CheckTasks(runs);
   return runs;
 }
 

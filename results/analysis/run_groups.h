@@ -16,11 +16,14 @@ enum class CurvePhase { kEvaluation, kTraining, kSearchEvaluation, kActorEvaluat
 struct GroupedRun {
   RunInfo run;
   Database* database = nullptr;
-  int phase = 0;  // as in `episode`: what the request comes to for this run
+  int phase = 0;                   // as in `episode`: what the request comes to for this run
+  std::vector<std::string> notes;  // of records of the same experiment that gave way (RunTwice)
 };
 
 // The runs that trained; evaluations of trained runs are left out. A run that is in several
-// databases counts once, by its UUID. `phase` is not set.
+// databases counts once, and so does an experiment that was done twice: of its records one
+// stays, as if the databases had been merged. `phase` is not set.
+//   Failure 65  a task of these runs has other values in two of the databases.
 std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                     const RunFilter& filter);
 

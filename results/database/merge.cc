@@ -4,8 +4,8 @@
 
 #include <filesystem>
 #include <map>
-#include <tuple>
 
+#include "results/database/same_run.h"
 #include "results/system/error.h"
 #include "results/system/table.h"
 
@@ -90,12 +90,6 @@ class Merger {
     return true;
   }
 
-  // Which of two records of one experiment stays: the greater.
-  static auto Rank(const RunInfo& run) {
-    return std::tuple(run.status == RunStatus::kFinished, run.env_steps_done, run.heartbeat_utc,
-                      run.ended_utc, run.result_digest);
-  }
-
   void MergeRun(const RunInfo& run) {
     std::optional<std::int64_t> parent;
     if (run.parent_run_id) {
@@ -115,15 +109,8 @@ class Merger {
     std::int64_t run_id = 0;
     if (there) {
       const bool same = there->uuid == run.uuid;
-      const bool wins = Rank(run) > Rank(*there) ||
-                        (!same && Rank(run) == Rank(*there) && run.uuid < there->uuid);
-      if (!same) {
-        result_.notes.push_back(run.task + ", " + run.planner + ", seed " +
-                                std::to_string(run.seed) + " was run twice, as " +
-                                run.uuid.substr(0, 8) + " and " + there->uuid.substr(0, 8) + "; " +
-                                (wins ? run.uuid : there->uuid).substr(0, 8) + " stays.");
-      }
-      if (!wins) {
+      if (!same) result_.notes.push_back(RunTwice(run, *there));
+      if (!StaysOver(run, *there)) {
         ++result_.kept;
         if (same) merged_[run.run_id] = there->run_id;
         return;

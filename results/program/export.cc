@@ -3,6 +3,7 @@
 #include <iostream>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "results/analysis/published.h"
 #include "results/database/query.h"
@@ -60,6 +61,34 @@ std::string FileName(const std::string& name) {
   return file.empty() || file[0] == '.' ? "_" + file : file;
 }
 
+// Which runs of several databases would stay if these were merged.
+class Merged {
+ public:
+  explicit Merged(const std::vector<std::unique_ptr<Database>>& databases) {
+    for (const GroupedRun& item : TrainedRuns(databases, {})) {
+      trained_.emplace(item.run.uuid, item.database);
+      for (const std::string& note : item.notes) {
+        std::cerr << "note: " << Printable(note) << "\n";
+      }
+    }
+  }
+  bool Has(Database* database, const RunInfo& run) {
+    const auto trained = trained_.find(run.uuid);
+    if (trained != trained_.end()) return trained->second == database;
+    if (run.parent_run_id) {
+      const std::optional<RunInfo> parent = database->GetRun(*run.parent_run_id);
+      if (parent && trained_.count(parent->uuid) == 0) return false;
+    } else if (run.env_steps_target > 0) {
+      return false;  // another record of its experiment stays
+    }
+    return evaluations_.insert(run.uuid).second;
+  }
+
+ private:
+  std::map<std::string, Database*> trained_;  // by UUID
+  std::set<std::string> evaluations_;
+};
+
 void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter,
                const std::string& sql, std::optional<CurvePhase> phase, bool csv,
                const std::string& out) {
@@ -72,6 +101,7 @@ void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const Ru
       std::cout << line;
     }
   };
+  Merged merged(databases);
   bool first = true;
   for (const auto& database : databases) {
     Statement rows = database->connection().Prepare(sql);
@@ -81,6 +111,7 @@ void WriteRows(const std::vector<std::unique_ptr<Database>>& databases, const Ru
     if (csv && first) write(CsvLine({columns.begin(), columns.end()}));
     first = false;
     for (const RunInfo& run : database->ListRuns(filter)) {
+      if (!merged.Has(database.get(), run)) continue;
       if (HasPhase(sql)) {
         rows.Bind(run.run_id, phase ? std::optional<std::int64_t>(
                                           PhaseOf(database->connection(), run.run_id, *phase))

@@ -50,6 +50,9 @@ std::string Summary(const std::vector<GroupedRun>& runs, const std::vector<Line>
         (status == by_status.begin()->first ? ": " : ", ") + std::to_string(count) + " " + status;
   }
   std::string html = "<p>" + HtmlText(text) + ".</p>\n";
+  for (const GroupedRun& item : runs) {
+    for (const std::string& note : item.notes) html += Note(note);
+  }
   const std::vector<std::string> gaps = MissingOrUnfinished(lines);
   if (gaps.empty()) {
     return html + Note(
@@ -177,7 +180,7 @@ std::string Configurations(const std::vector<GroupedRun>& runs) {
 std::string Provenance(const std::vector<GroupedRun>& runs) {
   std::map<std::pair<Database*, std::int64_t>, std::int64_t> builds, plugins;
   std::map<std::vector<Cell>, std::int64_t> segments;  // by machine
-  for (const auto& [run, database, phase] : runs) {
+  for (const auto& [run, database, phase, notes] : runs) {
     ++builds[{database, run.build_id}];
     for (const auto& id : {run.env_plugin, run.model_plugin, run.planner_plugin}) {
       if (id) ++plugins[{database, *id}];
