@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "results/analysis/common_steps.h"
+#include "results/analysis/missing_runs.h"
 #include "results/analysis/published.h"
 #include "results/database/same_run.h"
 #include "results/database/schema.h"
@@ -64,6 +65,48 @@ void Smooth(std::vector<double>* values, int points) {
     double sum = 0;
     for (std::int64_t j = i - reach; j <= i + reach; ++j) sum += raw[static_cast<std::size_t>(j)];
     (*values)[static_cast<std::size_t>(i)] = sum / static_cast<double>(2 * reach + 1);
+  }
+}
+
+// Says what is missing at the line that lacks it; where a planner has no run on a task at all, at
+// a line of that planner, or at any.
+void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter,
+                const std::vector<RunGroup>& groups, std::vector<Line>* lines) {
+  if (lines->empty()) return;
+  std::map<ExperimentKey, std::size_t> own;  // places of lines, by key with seed 0
+  std::map<std::tuple<std::string, std::string, std::string>, std::size_t> planners;
+  std::set<std::string> studies, models;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    const RunInfo& run = groups[i].runs.front().run;
+    ExperimentKey key = KeyOf(run);
+    std::get<5>(key) = 0;
+    own.emplace(key, i);
+    planners.emplace(std::tuple(run.study, run.planner, run.model), i);
+    studies.insert(run.study);
+    models.insert(run.model);
+  }
+  std::set<std::string> said;  // of planners without a run on a task
+  for (const MissingRun& run : MissingRuns(databases, filter)) {
+    if (!run.config_sha256.empty()) {
+      const auto line = own.find(
+          {run.study, run.task, run.planner, run.model, run.config_sha256, 0, run.action_repeat});
+      const std::string seed = "seed " + std::to_string(run.seed) + " is missing.";
+      if (line != own.end()) {
+        Line& lacking = (*lines)[line->second];
+        lacking.missing.push_back(lacking.task + ", " + lacking.label + ": " + seed);
+        continue;
+      }
+      const std::string label = run.planner + (run.settings.empty() ? "" : " ") + run.settings;
+      lines->front().missing.push_back(run.task + ", " + label + ": " + seed);
+      continue;
+    }
+    std::string label = run.planner;
+    if (models.size() > 1) label += " on " + run.model;
+    if (studies.size() > 1) label += " (" + run.study + ")";
+    const std::string sentence = run.task + ", " + label + ": every seed is missing.";
+    if (!said.insert(sentence).second) continue;
+    const auto line = planners.find({run.study, run.planner, run.model});
+    (*lines)[line == planners.end() ? 0 : line->second].missing.push_back(sentence);
   }
 }
 
@@ -194,6 +237,7 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
       }
     }
   }
+  AddMissing(databases, request.filter, groups, &lines);
   if (!request.published.empty()) {
     ReadPublished(databases, request, tasks, &lines);
     std::stable_sort(lines.begin(), lines.end(),
@@ -252,25 +296,13 @@ std::size_t Thin(std::size_t most_points, std::vector<Line>* lines) {
 }
 
 std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines) {
-  std::map<std::string, std::set<std::int64_t>> seeds;  // of a task
-  for (const Line& line : lines) {
-    if (line.published) continue;
-    for (const RunCurve& run : line.runs) seeds[line.task].insert(run.seed);
-  }
   std::vector<std::string> gaps;
   for (const Line& line : lines) {
-    if (line.published) continue;
-    std::set<std::int64_t> there;
     for (const RunCurve& run : line.runs) {
-      there.insert(run.seed);
       if (run.unfinished.empty()) continue;
       gaps.push_back(line.task + ", " + line.label + ": " + run.unfinished + ".");
     }
-    for (const std::int64_t seed : seeds[line.task]) {
-      if (there.count(seed) > 0) continue;
-      gaps.push_back(line.task + ", " + line.label + ": seed " + std::to_string(seed) +
-                     " is missing.");
-    }
+    gaps.insert(gaps.end(), line.missing.begin(), line.missing.end());
   }
   return gaps;
 }

@@ -310,18 +310,23 @@ FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
 WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0
 GROUP BY s.name, t.name, r.planner, r.model, r.config_id, u.activity;
 
--- Every task, planner and seed that occurs in a study, with what became of it.
+-- Every task, planner and seed that occurs in a study, with what became of it: for each
+-- configuration and action repeat of a planner on a task, or, where it has no run there, once.
 CREATE VIEW v_matrix AS
 WITH main AS (SELECT * FROM run WHERE parent_run_id IS NULL AND env_steps_target > 0),
+     line AS (SELECT DISTINCT study_id, task_id, planner, model, config_id, action_repeat
+              FROM main),
      cell AS (SELECT * FROM (SELECT DISTINCT study_id, task_id FROM main)
               JOIN (SELECT DISTINCT study_id, planner, model FROM main) USING (study_id)
+              LEFT JOIN line USING (study_id, task_id, planner, model)
               JOIN (SELECT DISTINCT study_id, seed FROM main) USING (study_id))
 SELECT s.name AS study, t.name AS task, cell.planner, cell.model, cell.seed,
        ifnull(r.status, 'missing') AS status, r.env_steps_done, r.env_steps_target, r.run_id,
-       r.config_id
+       cell.config_id, cell.action_repeat
 FROM cell JOIN study s USING (study_id) JOIN task t USING (task_id)
      LEFT JOIN main r ON r.study_id = cell.study_id AND r.task_id = cell.task_id
-       AND r.planner = cell.planner AND r.model = cell.model AND r.seed = cell.seed;
+       AND r.planner = cell.planner AND r.model = cell.model AND r.seed = cell.seed
+       AND r.config_id = cell.config_id AND r.action_repeat = cell.action_repeat;
 )sql";
 
 // Every view that a schema ever had; people may have made views of their own.
@@ -349,9 +354,11 @@ ALTER TABLE chunk_digest_2 RENAME TO chunk_digest;
 
 const std::vector<std::string>& Migrations() {
   static const std::vector<std::string> migrations = {
-      std::string(kTables) + kTriggers, kRecordDigests,
+      std::string(kTables) + kTriggers,
+      kRecordDigests,
       "",  // views
       "",  // Evaluations without a parent left the views.
+      "",  // v_matrix has a line for each configuration.
   };
   return migrations;
 }

@@ -5,8 +5,8 @@
 #include <iostream>
 #include <sstream>
 
+#include "results/analysis/missing_runs.h"
 #include "results/analysis/run_groups.h"
-#include "results/database/query.h"
 #include "results/program/commands.h"
 #include "results/program/selection.h"
 #include "results/system/error.h"
@@ -72,8 +72,8 @@ struct List {
     which.flags.push_back(StatusFlag(&selection.filter));
     which.flags.push_back(
         {"missing", "", Switch(&missing),
-         "list what each study lacks: every combination of its tasks, planners and seeds that "
-         "has no run"});
+         "list what each study lacks: every combination of its tasks, planners (with each of "
+         "their settings) and seeds that has no run in these databases together"});
     return {.name = "results list",
             .summary = "lists runs, one line each, oldest first",
             .examples = {"results list --study first --status failed,crashed"},
@@ -101,21 +101,10 @@ int List::Run() {
 
   Table table;
   if (missing) {
-    table.columns = {"study", "task", "planner", "model", "seed"};
-    for (const auto& database : databases) {
-      Statement rows = database->connection().Prepare(
-          "SELECT study, task, planner, model, seed FROM v_matrix WHERE status = 'missing'"
-          " ORDER BY study, task, planner, model, seed");
-      const auto wanted = [](const auto& list, const auto& value) {
-        return list.empty() || std::find(list.begin(), list.end(), value) != list.end();
-      };
-      while (rows.Step()) {
-        if (!wanted(filter.studies, rows.Text(0)) || !wanted(filter.tasks, rows.Text(1)) ||
-            !wanted(filter.planners, rows.Text(2)) || !wanted(filter.seeds, rows.Int(4))) {
-          continue;
-        }
-        table.rows.push_back(ReadCells(rows));
-      }
+    table.columns = {"study", "task", "planner", "settings", "model", "seed"};
+    for (const MissingRun& run : MissingRuns(databases, filter)) {
+      table.rows.push_back(
+          {run.study, run.task, run.planner, Brief(run.settings), run.model, run.seed});
     }
   } else {
     table.columns = {"run",  "uuid",   "study",     "task",       "planner", "settings", "model",

@@ -145,6 +145,27 @@ expect 0 "points" "$results" import "$folder/scores/rollout/walker-walk.csv" --d
 expect 0 "rollout" "$results" sql "SELECT DISTINCT method FROM published" --db "$folder/imported.db"
 printf 'step,reward,seed\n1,x,0\n' > "$folder/bad.csv"
 expect 65 "bad.csv:2" "$results" import "$folder/bad.csv" --db "$folder/imported.db"
+# What a query or a file loses is said.
+expect 2 "two columns are called 'name'" "$results" sql "SELECT s.name, t.name FROM study s, task t" --format json --db "$database"
+expect 0 "name  *name" "$results" sql "SELECT s.name, t.name FROM study s, task t" --db "$database"
+gzip -c "$folder/out.dreamer" > "$folder/dmc_proprio-ours.json.gz"
+expect 0 "points" "$results" import "$folder/dmc_proprio-ours.json.gz" --db "$folder/packed.db"
+expect 0 "^obs state " sh -c "'$results' sql \"SELECT DISTINCT obs FROM published\" --db '$folder/packed.db' | tr '\n' ' '"
+expect 0 "does not say what the method observes" "$results" import "$folder/out.dreamer" --db "$folder/packed.db"
+# Text loses the two marks of a database; its rows are the same.
+sqlite3 "$database" .dump | sqlite3 "$folder/dumped.db"
+expect 0 "as they were written" "$results" verify --db "$folder/dumped.db"
+# A copy, with other UUIDs, is the same experiments done twice.
+sqlite3 "$database" ".backup '$folder/twice.db'"
+sqlite3 "$folder/twice.db" "UPDATE run SET uuid = 'ffffffff' || substr(uuid, 9, 20) || printf('%08d', run_id)"
+"$results" compare --format csv --db "$database" > "$folder/once.csv" 2>/dev/null
+"$results" compare --format csv --db "$database,$folder/twice.db" > "$folder/both.csv" 2>/dev/null
+cmp "$folder/once.csv" "$folder/both.csv" || failures=$((failures + 1))
+expect 0 "was run twice" "$results" curves --db "$database,$folder/twice.db" --out "$folder/both.svg"
+expect 0 "was run twice" "$results" compare --db "$database,$folder/twice.db" --repetitions 100
+"$results" export --rows finals --db "$database" > "$folder/once.csv" 2>/dev/null
+"$results" export --rows finals --db "$database,$folder/twice.db" > "$folder/both.csv" 2>/dev/null
+cmp "$folder/once.csv" "$folder/both.csv" || failures=$((failures + 1))
 # A list on a full standard output fails loudly.
 expect 74 "standard output" sh -c "'$results' list --db '$database' > /dev/full"
 
