@@ -10,8 +10,8 @@ import sys
 
 # From the lowest up. Host may include every room of results but its program.
 ROOMS = {
-    "results": ["system", "command_line", "database", "analysis", "figures", "report", "program"],
-    "host": ["plugins", "settings", "saving", "acting", "training", "processes", "commands", ""],
+    "results": ["system", "text", "statistics", "command_line", "database", "upkeep", "analysis", "figures", "report", "program"],
+    "host": ["plugins", "settings", "saving", "acting", "training", "processes", "sweeps", "commands", ""],
 }
 MOST_FILES = 20
 

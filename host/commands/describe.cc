@@ -11,9 +11,9 @@
 #include "host/settings/run_parameters.h"
 #include "host/settings/settings.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/names.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,14 +7,14 @@
 #include "host/commands/commands.h"
 #include "host/commands/progress.h"
 #include "host/commands/run_flags.h"
-#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
-#include "host/processes/sweep.h"
-#include "host/processes/trained_run.h"
+#include "host/sweeps/probe.h"
+#include "host/sweeps/sweep.h"
+#include "host/sweeps/trained_run.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/names.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,13 +7,13 @@
 #include "host/commands/commands.h"
 #include "host/commands/flags.h"
 #include "host/commands/progress.h"
-#include "host/processes/question.h"
-#include "host/processes/trained_run.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
+#include "host/sweeps/question.h"
+#include "host/sweeps/trained_run.h"
 #include "results/system/error.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

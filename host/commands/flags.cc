@@ -9,7 +9,7 @@
 
 #include "host/settings/cores.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 namespace {

@@ -8,8 +8,8 @@
 #include "host/commands/flags.h"
 #include "host/plugins/catalogue.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
-#include "results/system/table.h"
+#include "results/text/names.h"
+#include "results/text/table.h"
 
 namespace dreamsearch {
 namespace {

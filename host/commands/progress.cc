@@ -9,7 +9,7 @@
 #include <iostream>
 
 #include "host/acting/activity_clock.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -6,10 +6,10 @@
 #include "host/commands/flags.h"
 #include "host/commands/progress.h"
 #include "host/processes/supervisor.h"
-#include "host/processes/sweep.h"
+#include "host/sweeps/sweep.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 

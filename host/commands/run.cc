@@ -12,12 +12,12 @@
 #include "host/commands/progress.h"
 #include "host/commands/run_flags.h"
 #include "host/plugins/catalogue.h"
-#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
-#include "host/processes/sweep.h"
 #include "host/settings/settings.h"
+#include "host/sweeps/probe.h"
+#include "host/sweeps/sweep.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -8,8 +8,8 @@
 #include "host/processes/worker.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -6,13 +6,13 @@
 #include "host/commands/commands.h"
 #include "host/commands/flags.h"
 #include "host/commands/progress.h"
-#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
-#include "host/processes/sweep.h"
+#include "host/sweeps/probe.h"
+#include "host/sweeps/sweep.h"
 #include "host/training/provenance.h"
-#include "results/database/verification.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,7 +7,7 @@
 #include <thread>
 #include <tuple>
 
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {

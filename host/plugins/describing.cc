@@ -18,9 +18,9 @@
 
 #include "host/plugins/plugin_loader.h"
 #include "results/system/descriptor.h"
-#include "results/system/json_fields.h"
-#include "results/system/json_text.h"
 #include "results/system/sha256.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 
 extern char** environ;
 

@@ -1,5 +1,5 @@
 // description.h - what a plugin offers, as owning copies that outlive the library and pass
-// between processes as JSON (results/system/json_fields.h).
+// between processes as JSON (results/text/json_fields.h).
 #pragma once
 
 #include <cstdint>

@@ -19,7 +19,7 @@
 #include "host/plugins/descriptor_check.h"
 #include "host/plugins/elf.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,7 +1,7 @@
 #include "host/processes/report.h"
 
-#include "results/system/json_fields.h"
-#include "results/system/json_text.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 

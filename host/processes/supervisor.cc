@@ -26,7 +26,7 @@
 #include "host/settings/cores.h"
 #include "host/training/rate_meter.h"
 #include "results/system/descriptor.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

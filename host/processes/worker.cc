@@ -29,8 +29,8 @@
 #include "results/database/run_writer.h"
 #include "results/system/descriptor.h"
 #include "results/system/error.h"
-#include "results/system/json_fields.h"
-#include "results/system/json_text.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "host/processes/child_process.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "results/system/file.h"
-#include "results/system/json_text.h"
-#include "results/system/table.h"
+#include "results/text/json_text.h"
+#include "results/text/table.h"
 
 namespace dreamsearch {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <system_error>
 
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "results/system/error.h"
-#include "results/system/json_fields.h"
-#include "results/system/json_text.h"
 #include "results/system/sha256.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 

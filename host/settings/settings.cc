@@ -10,7 +10,7 @@
 #include "host/settings/parameter_text.h"
 #include "host/settings/run_parameters.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {

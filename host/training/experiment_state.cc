@@ -5,8 +5,8 @@
 #include "host/training/resumption.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/json_text.h"
 #include "results/system/sha256.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 namespace {

@@ -15,8 +15,8 @@
 #include "dreamsearch/version.h"
 #include "dreamsearch_build_info.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/names.h"
+#include "results/text/json_text.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 

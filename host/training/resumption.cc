@@ -5,7 +5,7 @@
 #include "host/training/experiment.h"
 #include "host/training/provenance.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -9,8 +9,8 @@
 #include "results/analysis/curves.h"
 #include "results/system/digest.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/text.h"
+#include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "results/analysis/run_groups.h"
-#include "results/analysis/statistics.h"
-#include "results/system/table.h"
+#include "results/statistics/statistics.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 

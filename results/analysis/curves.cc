@@ -9,9 +9,9 @@
 #include "results/analysis/common_steps.h"
 #include "results/analysis/missing_runs.h"
 #include "results/analysis/published.h"
-#include "results/database/same_run.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
+#include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "results/analysis/comparison.h"
-#include "results/analysis/statistics.h"
+#include "results/statistics/statistics.h"
 
 namespace dreamsearch::results {
 

@@ -6,7 +6,7 @@
 
 #include "results/analysis/common_steps.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

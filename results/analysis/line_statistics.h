@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "results/analysis/curves.h"
-#include "results/analysis/statistics.h"
-#include "results/system/table.h"
+#include "results/statistics/statistics.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 

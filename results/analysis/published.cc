@@ -9,12 +9,12 @@
 #include <set>
 #include <tuple>
 
-#include "results/system/compressed.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/json_text.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/compressed.h"
+#include "results/text/json_text.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,11 +8,11 @@
 #include <tuple>
 
 #include "results/database/query.h"
-#include "results/database/same_run.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/json_text.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
+#include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -7,7 +7,7 @@
 #include "results/command_line/flags_file.h"
 #include "results/command_line/parser.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -10,7 +10,7 @@
 #include "results/command_line/parser.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

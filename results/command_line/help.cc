@@ -4,7 +4,7 @@
 #include <sstream>
 #include <utility>
 
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,8 +7,8 @@
 #include <sstream>
 
 #include "results/system/error.h"
-#include "results/system/names.h"
-#include "results/system/text.h"
+#include "results/text/names.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

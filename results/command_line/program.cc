@@ -6,8 +6,8 @@
 
 #include "results/command_line/help.h"
 #include "results/system/error.h"
-#include "results/system/names.h"
-#include "results/system/text.h"
+#include "results/text/names.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

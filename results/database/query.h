@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "results/database/database.h"
-#include "results/system/table.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 

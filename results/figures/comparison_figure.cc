@@ -7,7 +7,7 @@
 #include "results/analysis/common_steps.h"
 #include "results/analysis/run_groups.h"
 #include "results/figures/line_over_band.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

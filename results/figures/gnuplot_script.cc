@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "results/figures/axis.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <sstream>
 
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

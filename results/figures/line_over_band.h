@@ -3,8 +3,8 @@
 
 #include <optional>
 
-#include "results/analysis/statistics.h"
 #include "results/figures/figure.h"
+#include "results/statistics/statistics.h"
 
 namespace dreamsearch::results {
 

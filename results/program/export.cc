@@ -11,8 +11,8 @@
 #include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/names.h"
-#include "results/system/text.h"
+#include "results/text/names.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,7 +8,7 @@
 #include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

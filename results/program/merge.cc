@@ -1,5 +1,5 @@
 // results merge - how do the runs of several machines come into one database?
-#include "results/database/merge.h"
+#include "results/upkeep/merge.h"
 
 #include <iostream>
 
@@ -7,7 +7,7 @@
 #include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 

@@ -11,7 +11,7 @@
 #include "results/command_line/database_flag.h"
 #include "results/command_line/values.h"
 #include "results/database/database.h"
-#include "results/system/table.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 

@@ -7,8 +7,8 @@
 #include "results/program/commands.h"
 #include "results/program/selection.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/text.h"
+#include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,11 +1,11 @@
 // results verify - is every stored row what was written?
 #include <iostream>
 
-#include "results/database/verification.h"
 #include "results/program/commands.h"
 #include "results/program/selection.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch::results {
 

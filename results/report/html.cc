@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <sstream>
 
-#include "results/system/text.h"
-#include "results/system/web_page.h"
+#include "results/text/text.h"
+#include "results/text/web_page.h"
 
 namespace dreamsearch::results {
 namespace {

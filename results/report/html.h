@@ -4,7 +4,7 @@
 #include <string>
 
 #include "results/figures/figure.h"
-#include "results/system/table.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 

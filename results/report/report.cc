@@ -18,9 +18,9 @@
 #include "results/report/report_data.h"
 #include "results/report/report_queries.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/text.h"
-#include "results/system/web_page.h"
+#include "results/text/json_text.h"
+#include "results/text/text.h"
+#include "results/text/web_page.h"
 
 namespace dreamsearch::results {
 namespace {

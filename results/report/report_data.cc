@@ -10,7 +10,7 @@
 #include "results/database/schema.h"
 #include "results/figures/curve_figure.h"
 #include "results/figures/figure.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "host/processes/report.h"
 #include "host/training/rate_meter.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

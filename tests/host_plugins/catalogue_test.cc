@@ -17,8 +17,8 @@
 
 #include "host/commands/commands.h"
 #include "results/system/error.h"
-#include "results/system/json_fields.h"
 #include "results/system/sha256.h"
+#include "results/text/json_fields.h"
 #include "temporary_folder.h"
 
 namespace dreamsearch {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {

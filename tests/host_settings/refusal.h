@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "results/system/error.h"
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "program.h"
-#include "results/database/merge.h"
+#include "results/upkeep/merge.h"
 
 namespace dreamsearch {
 namespace {

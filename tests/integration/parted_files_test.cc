@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "program.h"
-#include "results/database/merge.h"
-#include "results/database/verification.h"
+#include "results/upkeep/merge.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch {
 namespace {

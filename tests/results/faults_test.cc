@@ -9,8 +9,8 @@
 
 #include "faulty_vfs.h"
 #include "recording.h"
-#include "results/database/verification.h"
 #include "results/system/error.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch::results {
 namespace {

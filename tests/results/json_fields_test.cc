@@ -1,5 +1,5 @@
 // Fields to JSON and back: every kind of member, and what is missing or of another type.
-#include "results/system/json_fields.h"
+#include "results/text/json_fields.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "results/database/merge.h"
+#include "results/upkeep/merge.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -9,7 +9,7 @@
 
 #include "recording.h"
 #include "results/analysis/published.h"
-#include "results/database/verification.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch::results {
 namespace {

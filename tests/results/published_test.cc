@@ -9,7 +9,7 @@
 #include "results/figures/curve_figure.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/table.h"
+#include "results/text/table.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -8,9 +8,9 @@
 
 #include "recording.h"
 #include "results/database/schema.h"
-#include "results/database/verification.h"
 #include "results/system/error.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch::results {
 namespace {

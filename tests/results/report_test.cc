@@ -12,7 +12,7 @@
 #include "results/analysis/time_use.h"
 #include "results/database/query.h"
 #include "results/report/page/embedded.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -10,12 +10,12 @@
 #include "results/analysis/missing_runs.h"
 #include "results/analysis/published.h"
 #include "results/analysis/time_use.h"
-#include "results/database/merge.h"
 #include "results/database/query.h"
 #include "results/figures/curve_figure.h"
 #include "results/report/page/embedded.h"
 #include "results/report/report.h"
 #include "results/system/error.h"
+#include "results/upkeep/merge.h"
 
 namespace dreamsearch::results {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/database/verification.h"
+#include "results/upkeep/verification.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "results/system/web_page.h"
+#include "results/text/web_page.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "host/processes/trained_run.h"
+#include "host/sweeps/trained_run.h"
 
 #include <algorithm>
 #include <set>
 
 #include "host/acting/components.h"
-#include "host/processes/sweep.h"
 #include "host/saving/checkpoint.h"
+#include "host/sweeps/sweep.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"

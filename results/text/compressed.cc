@@ -1,4 +1,4 @@
-#include "results/system/compressed.h"
+#include "results/text/compressed.h"
 
 #include <zlib.h>
 
@@ -6,7 +6,7 @@
 
 #include "results/system/error.h"
 #include "results/system/file.h"
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,4 +1,4 @@
-#include "host/processes/probe.h"
+#include "host/sweeps/probe.h"
 
 #include <algorithm>
 #include <map>
@@ -8,11 +8,11 @@
 #include "host/acting/components.h"
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
-#include "host/processes/question.h"
 #include "host/settings/schedule.h"
+#include "host/sweeps/question.h"
 #include "host/training/replay.h"
 #include "results/system/error.h"
-#include "results/system/json_fields.h"
+#include "results/text/json_fields.h"
 
 namespace dreamsearch {
 namespace {

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "host/processes/probe.h"
 #include "host/processes/supervisor.h"
 #include "host/settings/run_options.h"
 #include "host/settings/settings.h"
+#include "host/sweeps/probe.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 

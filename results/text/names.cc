@@ -1,9 +1,9 @@
-#include "results/system/names.h"
+#include "results/text/names.h"
 
 #include <algorithm>
 #include <cstddef>
 
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/analysis/statistics.h"
+#include "results/statistics/statistics.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "results/database/same_run.h"
+#include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
 namespace {

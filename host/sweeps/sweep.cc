@@ -1,4 +1,4 @@
-#include "host/processes/sweep.h"
+#include "host/sweeps/sweep.h"
 
 #include <algorithm>
 #include <iostream>
@@ -9,8 +9,8 @@
 #include "host/training/provenance.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
-#include "results/system/json_fields.h"
-#include "results/system/json_text.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,4 +1,4 @@
-#include "results/system/text.h"
+#include "results/text/text.h"
 
 #include <algorithm>
 #include <charconv>

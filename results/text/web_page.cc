@@ -1,11 +1,11 @@
-#include "results/system/web_page.h"
+#include "results/text/web_page.h"
 
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/text.h"
+#include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {

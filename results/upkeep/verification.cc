@@ -1,4 +1,4 @@
-#include "results/database/verification.h"
+#include "results/upkeep/verification.h"
 
 #include <cstdio>
 #include <map>
@@ -8,8 +8,8 @@
 #include "results/database/derived_rows.h"
 #include "results/database/schema.h"
 #include "results/system/sha256.h"
-#include "results/system/table.h"
-#include "results/system/text.h"
+#include "results/text/table.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

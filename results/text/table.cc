@@ -1,4 +1,4 @@
-#include "results/system/table.h"
+#include "results/text/table.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <set>
 
 #include "results/system/error.h"
-#include "results/system/json_text.h"
-#include "results/system/text.h"
+#include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {

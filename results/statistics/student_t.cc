@@ -1,7 +1,7 @@
 // In a file of its own: Boost.Math takes long to compile.
 #include <boost/math/distributions/students_t.hpp>
 
-#include "results/analysis/statistics.h"
+#include "results/statistics/statistics.h"
 
 namespace dreamsearch::results {
 

@@ -1,4 +1,4 @@
-#include "host/processes/question.h"
+#include "host/sweeps/question.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -15,7 +15,7 @@
 #include "host/processes/child_process.h"
 #include "results/system/descriptor.h"
 #include "results/system/error.h"
-#include "results/system/json_text.h"
+#include "results/text/json_text.h"
 
 namespace dreamsearch {
 

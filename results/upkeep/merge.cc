@@ -1,13 +1,13 @@
-#include "results/database/merge.h"
+#include "results/upkeep/merge.h"
 
 #include <unistd.h>
 
 #include <filesystem>
 #include <map>
 
-#include "results/database/same_run.h"
 #include "results/system/error.h"
-#include "results/system/table.h"
+#include "results/text/table.h"
+#include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
 namespace {

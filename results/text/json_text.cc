@@ -1,4 +1,4 @@
-#include "results/system/json_text.h"
+#include "results/text/json_text.h"
 
 #include <nlohmann/json.hpp>
 
