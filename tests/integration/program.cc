@@ -6,10 +6,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <fstream>
+#include <iostream>
 #include <iterator>
-#include <stdexcept>
+#include <system_error>
+#include <thread>
 
 namespace dreamsearch {
 namespace {
@@ -26,7 +29,16 @@ Workplace::Workplace() {
   folder_ = ::mkdtemp(name.data());
 }
 
-Workplace::~Workplace() { std::filesystem::remove_all(folder_); }
+// What a process that is ending removes meanwhile (SQLite's own files) is no error of the test.
+Workplace::~Workplace() {
+  std::error_code error;
+  for (int attempt = 0; attempt < 50; ++attempt) {
+    std::filesystem::remove_all(folder_, error);
+    if (!error) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  std::cerr << "cannot remove " << folder_ << ": " << error.message() << "\n";
+}
 
 pid_t Workplace::Start(const std::vector<std::string>& arguments, const char* name) const {
   const pid_t pid = ::fork();
