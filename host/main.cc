@@ -11,6 +11,8 @@
 #include "host/training/provenance.h"
 #include "results/command_line/program.h"
 #include "results/system/error.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -18,6 +20,16 @@ namespace {
 int DescribePlugin(const Words& words) {
   if (words.size() == 1) return DescribePluginMain(words[0]);
   throw Failure(ExitCode::kUsage, "runner describe-plugin: expected the path of a plugin");
+}
+
+// Words are recorded with the runs and handed to workers as JSON, which holds UTF-8 only.
+Words CheckedWords(Words words) {
+  for (const std::string& word : words) {
+    if (IsUtf8(word)) continue;
+    throw Failure(ExitCode::kUsage, "runner: expected text in UTF-8, found other bytes in " +
+                                        ShellWord(word) + ". Rename the file or folder");
+  }
+  return words;
 }
 
 Program Runner() {
@@ -43,6 +55,7 @@ int main(int argc, char** argv) {
   ::signal(SIGPIPE, SIG_IGN);
   return dreamsearch::ExitStatusOf("runner", [&] {
     dreamsearch::CheckInstructionSet();
-    return dreamsearch::RunProgram(dreamsearch::Runner(), {argv + (argc > 0), argv + argc});
+    return dreamsearch::RunProgram(dreamsearch::Runner(),
+                                   dreamsearch::CheckedWords({argv + (argc > 0), argv + argc}));
   });
 }

@@ -171,7 +171,7 @@ int Eval::Run(const Words& words) {
 
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::size_t finished = 0;
-  const int failed_before = SayLeftAlone(database.get(), planned);
+  const int failed_before = SaySkipped(database.get(), planned);
   for (const PlannedRun& run : planned) {
     if (run.action == Action::kSkipFinished) ++finished;
   }
@@ -183,7 +183,9 @@ int Eval::Run(const Words& words) {
   ProgressDisplay progress;
   const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
   PrintTable(database.get(), specs);
-  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted) ||
+      std::find(result.statuses.begin(), result.statuses.end(), results::RunStatus::kInterrupted) !=
+          result.statuses.end()) {
     std::cerr << "the same command resumes\n";
   }
   const int status = SweepStatus(planned, result);

@@ -55,7 +55,11 @@ std::string ProgressDisplay::Format(const ActiveLine& line) const {
     text += "  " + FormatDuration((target - made) / line.rate) + " left";
   }
   if (line.threads > 1) text += "  " + Counted(line.threads, "thread");
-  return text + "  (" + RunStageName(progress.stage) + ")";
+  const std::string stage = progress.lock_wait_seconds > 0
+                                ? "waiting " + FormatDuration(progress.lock_wait_seconds) +
+                                      " for another process to unlock the database"
+                                : RunStageName(progress.stage);
+  return text + "  (" + stage + ")";
 }
 
 void ProgressDisplay::Show(const std::map<std::size_t, ActiveLine>& lines,

@@ -5,6 +5,7 @@
 #include "host/commands/commands.h"
 #include "host/commands/flags.h"
 #include "host/commands/progress.h"
+#include "host/processes/run_lock.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/sweep.h"
 #include "results/database/database.h"

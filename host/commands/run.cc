@@ -17,6 +17,7 @@
 #include "host/sweeps/probe.h"
 #include "host/sweeps/sweep.h"
 #include "results/system/error.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
@@ -157,15 +158,16 @@ void WarnOfNoLearning(const std::vector<RunSpec>& specs) {
             << "; give more --steps, or a smaller number with --set run.prefill_steps=N\n";
 }
 
-// How to call another program of this installation from the current folder.
+// How a shell calls another program of this installation from the current folder.
 std::string ProgramPath(const char* name) {
   std::error_code error;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
   const std::filesystem::path path = self.parent_path() / name;
   const std::filesystem::path relative = std::filesystem::relative(path, error);
-  return error || relative.empty() || relative.string().size() > path.string().size()
-             ? path.string()
-             : relative.string();
+  if (error || relative.empty() || relative.string().size() > path.string().size()) {
+    return ShellWord(path.string());
+  }
+  return ShellWord((relative.has_parent_path() ? "" : "./") + relative.string());
 }
 
 struct Train {
@@ -198,7 +200,7 @@ int Train::Run(const Words& words) {
   }
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
   std::map<Action, int> counts;
-  const int failed_before = SayLeftAlone(database.get(), planned);
+  const int failed_before = SaySkipped(database.get(), planned);
   for (const PlannedRun& run : planned) ++counts[run.action];
   std::cerr << Counted(planned.size(), "run") << ":";
   for (const auto& [action, count] : counts) {
@@ -227,8 +229,9 @@ int Train::Run(const Words& words) {
     std::cerr << Counted(static_cast<std::uint64_t>(counts[Action::kSkipFailed]), "run")
               << " failed before; repeat the command with --retry to try again" << std::endl;
   }
-  const std::string db = options.process.db.string();
-  if (result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
+  const std::string db = ShellWord(options.process.db.string());
+  if (ended[results::RunStatus::kInterrupted] > 0 ||
+      result.exit_status == static_cast<int>(ExitCode::kInterrupted)) {
     std::cerr << "resume with the same command, or with: " << ProgramPath("runner")
               << " resume --db " << db << "\n";
   } else {

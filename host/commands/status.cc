@@ -5,7 +5,7 @@
 
 #include "host/commands/commands.h"
 #include "host/commands/flags.h"
-#include "host/processes/worker.h"
+#include "host/processes/run_lock.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 #include "results/text/table.h"

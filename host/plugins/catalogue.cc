@@ -8,6 +8,8 @@
 #include <tuple>
 
 #include "results/text/names.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -66,8 +68,16 @@ Catalogue Catalogue::Scan(const std::vector<std::filesystem::path>& folders,
       continue;
     }
     try {
-      const std::vector<std::string> found = Libraries(path);
-      files.insert(files.end(), found.begin(), found.end());
+      for (std::string& file : Libraries(path)) {
+        if (IsUtf8(file)) {
+          files.push_back(std::move(file));
+        } else {
+          catalogue.refusals_.push_back(
+              {ShellWord(file), ExitCode::kPluginRefused,
+               "plugin " + ShellWord(file) +
+                   ": expected a path in UTF-8, found other bytes. Rename the file"});
+        }
+      }
     } catch (const std::filesystem::filesystem_error& failure) {
       catalogue.warnings_.push_back("plugin folder " + path.string() +
                                     " is skipped: " + failure.code().message());
@@ -182,6 +192,13 @@ std::vector<std::filesystem::path> PluginFolders(const std::vector<std::string>&
   std::vector<std::filesystem::path> folders;
   const auto add = [&](const std::filesystem::path& folder) {
     const auto path = std::filesystem::absolute(folder).lexically_normal();
+    std::error_code error;
+    for (const auto& name : {path, std::filesystem::weakly_canonical(path, error)}) {
+      if (IsUtf8(name.string())) continue;
+      throw Failure(ExitCode::kNotFound,
+                    "plugin folder " + ShellWord(name.string()) +
+                        ": expected a path in UTF-8, found other bytes. Rename the folder");
+    }
     if (std::find(folders.begin(), folders.end(), path) == folders.end()) folders.push_back(path);
   };
   for (const std::string& entry : first) {

@@ -13,6 +13,7 @@
 #include <iterator>
 #include <sstream>
 
+#include "host/processes/stop_signals.h"
 #include "results/system/error.h"
 
 extern char** environ;
@@ -20,8 +21,11 @@ extern char** environ;
 namespace dreamsearch {
 namespace {
 
+// Memory, processes or descriptors that have run out are no defect of ours.
 [[noreturn]] void ThrowErrno(const char* what, int error) {
-  throw Failure(ExitCode::kInternal, std::string("cannot ") + what + ": " + std::strerror(error));
+  const bool scarce = error == EAGAIN || error == ENOMEM || error == EMFILE || error == ENFILE;
+  throw Failure(scarce ? ExitCode::kInputOutput : ExitCode::kInternal,
+                std::string("cannot ") + what + ": " + std::strerror(error));
 }
 
 }  // namespace
@@ -74,9 +78,11 @@ pid_t StartChild(const ChildSpec& spec) {
   sigset_t none, defaults;
   sigemptyset(&none);
   sigemptyset(&defaults);
-  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP, SIGPIPE}) {
-    sigaddset(&defaults, signal);
+  for (const int signal : kStopSignals) {
+    if (!IsIgnored(signal)) sigaddset(&defaults, signal);
   }
+  sigaddset(&defaults, StopRequestSignal());
+  sigaddset(&defaults, SIGPIPE);
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &defaults);
   posix_spawnattr_setpgroup(&attributes, 0);

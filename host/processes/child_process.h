@@ -36,7 +36,7 @@ struct ChildSpec {
   int report = -1;                     // its kReportDescriptor
   int threads = -1;                    // its kThreadsDescriptor; -1: none
 };
-// Throws Failure 70 if the system cannot start it.
+// Throws Failure 74 if the system has too little left for it, 70 if it cannot start it otherwise.
 pid_t StartChild(const ChildSpec& spec);
 
 // Processor seconds a process has used; a stopped process uses none. Negative if

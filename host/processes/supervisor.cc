@@ -15,12 +15,15 @@
 #include <deque>
 #include <exception>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <memory>
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
 #include "host/processes/report.h"
+#include "host/processes/run_lock.h"
+#include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
 #include "host/processes/worker_end.h"
 #include "host/settings/cores.h"
@@ -37,6 +40,11 @@ constexpr double kGraceSeconds = 60;
 // How often it is tried again to record what could not be.
 constexpr double kRecordAgainSeconds = 1;
 
+// How long it waits for another process to unlock the database: with runs to watch, and
+// without.
+constexpr double kRecordPatienceSeconds = 1;
+constexpr double kLockPatienceSeconds = 30;
+
 // How soon a run takes a core that another command's run has left, or gives it back.
 constexpr double kShareAgainSeconds = 0.25;
 
@@ -44,14 +52,17 @@ std::atomic<int> stop_signals{0};
 
 void OnStopSignal(int) { ++stop_signals; }
 
-// Counts stop signals while it lives.
+// Counts stop signals while it lives, except those that were ignored before.
 class StopSignals {
  public:
   StopSignals() {
     stop_signals = 0;
     struct sigaction action {};
     action.sa_handler = OnStopSignal;
-    for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kStopSignals[i], &action, &before_[i]);
+    for (std::size_t i = 0; i < kCount; ++i) {
+      ::sigaction(kStopSignals[i], nullptr, &before_[i]);
+      if (before_[i].sa_handler != SIG_IGN) ::sigaction(kStopSignals[i], &action, nullptr);
+    }
   }
   ~StopSignals() {
     for (std::size_t i = 0; i < kCount; ++i) ::sigaction(kStopSignals[i], &before_[i], nullptr);
@@ -112,8 +123,28 @@ class Sweep {
     }
   }
 
+  ~Sweep() {
+    database_->connection().WaitForLocks(
+        [](double seconds) { return seconds < kLockPatienceSeconds; });
+  }
+  Sweep(const Sweep&) = delete;
+  Sweep& operator=(const Sweep&) = delete;
+
   SweepResult Run() {
     const StopSignals signals;
+    database_->connection().WaitForLocks([this](double seconds) {
+      if (seconds > kRecordPatienceSeconds && !said_locked_) {
+        said_locked_ = true;
+        observer_->Say("waiting: another process has locked " + database_->path());
+      }
+      return seconds <
+             (stop_signals > 0 ? std::min(lock_patience_, kRecordPatienceSeconds) : lock_patience_);
+    });
+    return RunJobs();
+  }
+
+ private:
+  SweepResult RunJobs() {
     started_ = ActivityClock::Now();
     while (next_ < jobs_.size() || !active_.empty()) {
       if (stop_signals > 0 && !stopping_) {
@@ -135,10 +166,12 @@ class Sweep {
       Wait();
       WatchLimits();
       Reap();
-      if (ActivityClock::Now() - tried_to_record_ > kRecordAgainSeconds) RecordAgain();
+      if (ActivityClock::Now() - tried_to_record_ > kRecordAgainSeconds) {
+        RecordAgain(kRecordPatienceSeconds);
+      }
       ShowProgress();
     }
-    RecordAgain();
+    RecordAgain(stopping_ ? kRecordPatienceSeconds : std::numeric_limits<double>::infinity());
     for (const Ending& ending : unrecorded_) {
       observer_->Say("could not be recorded in " + database_->path() + ": " + Describe(ending));
     }
@@ -154,7 +187,6 @@ class Sweep {
     return std::move(result_);
   }
 
- private:
   // An error of the database costs the run that met it its turn, never the others.
   void Start(std::size_t index) {
     try {
@@ -171,25 +203,25 @@ class Sweep {
     // Another runner on this database may have come first since the sweep was planned.
     const std::optional<results::RunInfo> known = database_->GetRun(job.work.run_id);
     if (!known) {
-      LeaveAlone(index, "it was deleted");
+      Skip(index, "it was deleted");
       return;
     }
     // Its worker may have finished it while its supervisor has yet to say so.
-    const bool gone_on = known->last_segment != planned_after_[index];
+    const bool resumed_since = known->last_segment != planned_after_[index];
     if (known->status == results::RunStatus::kFinished ||
-        (gone_on && !known->result_digest.empty())) {
-      LeaveAlone(index, "another process has finished it");
+        (resumed_since && !known->result_digest.empty())) {
+      Skip(index, "another process has finished it");
       return;
     }
     // Its failure is not tried again unasked, and not a second time if asked.
-    if (results::HasFailed(known->status) && (!options_.retry || gone_on)) {
+    if (results::HasFailed(known->status) && (!options_.retry || resumed_since)) {
       exit_codes_[index] = FailureCode(*known);
-      LeaveAlone(index, std::string(results::RunStatusName(known->status)) +
-                            " in another process (" + known->error + ")");
+      Skip(index, std::string(results::RunStatusName(known->status)) + " in another process (" +
+                      known->error + ")");
       return;
     }
     if (RunIsLocked(job.work.folder)) {
-      LeaveAlone(index, "another process is working on it");
+      Skip(index, "another process is working on it");
       return;
     }
     auto run = std::make_unique<ActiveRun>();
@@ -202,8 +234,11 @@ class Sweep {
       const Descriptor log(
           ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
       if (log.get() < 0) {
-        throw Failure(errno == EACCES ? ExitCode::kPermission : ExitCode::kCannotCreate,
-                      "cannot create " + log_path.string() + ": " + std::strerror(errno));
+        const int reason = errno;
+        throw Failure(reason == EACCES || reason == EROFS     ? ExitCode::kPermission
+                      : reason == ENOENT || reason == ENOTDIR ? ExitCode::kCannotCreate
+                                                              : ExitCode::kInputOutput,
+                      "cannot create " + log_path.string() + ": " + std::strerror(reason));
       }
       Pipe pipe = MakePipe();
       WorkerJob work = job.work;
@@ -220,7 +255,7 @@ class Sweep {
       run->pid = StartChild(child);
       run->reports = std::move(pipe.read);
     } catch (const Failure& error) {
-      SetStatus(*run, results::RunStatus::kFailed, error.exit_status(), error.what());
+      SetStatus(*run, StatusOf(error.code()), error.exit_status(), error.what());
       return;
     } catch (const std::exception& error) {
       SetStatus(*run, results::RunStatus::kFailed, static_cast<int>(ExitCode::kInternal),
@@ -293,6 +328,10 @@ class Sweep {
     switch (report.kind) {
       case Report::Kind::kProgress:
         run->processor_at_report = ProcessorSeconds(run->pid);
+        if (report.progress.lock_wait_seconds > 0 && run->line.progress.lock_wait_seconds == 0) {
+          observer_->Say("waiting " + run->line.label + ": another process has locked " +
+                         database_->path());
+        }
         run->line.progress = report.progress;
         run->rate.Add(
             ActivityClock::Now(), report.progress.env_step,
@@ -308,7 +347,7 @@ class Sweep {
     }
   }
 
-  // Processor time until a sign of life is due: that of every decision under way.
+  // Processor time until progress is due: that of every decision under way.
   double Patience(const ActiveRun& run) const {
     return options_.hang_timeout_seconds *
            static_cast<double>(std::max<std::uint64_t>(run.line.progress.decisions, 1));
@@ -330,7 +369,7 @@ class Sweep {
     }
   }
 
-  // Who has less patience with a run that hangs has less with one that does not end.
+  // A shorter --hang-timeout also shortens the grace period after a stop request.
   double GraceSeconds() const {
     return options_.hang_timeout_seconds > 0
                ? std::min(kGraceSeconds, options_.hang_timeout_seconds)
@@ -341,7 +380,7 @@ class Sweep {
     if (run->course.asked != WorkerCourse::Asked::kNo) return;
     run->course.asked = why;
     run->asked_at = ActivityClock::Now();
-    ::kill(run->pid, SIGTERM);
+    ::kill(run->pid, StopRequestSignal());
     ::kill(run->pid, SIGCONT);  // a stopped worker must hear it
   }
 
@@ -375,15 +414,16 @@ class Sweep {
     course.grace_seconds = GraceSeconds();
     course.time_limit_seconds = options_.time_limit_seconds;
     const WorkerEnd end = EndOf(course, status);
-    if (end.status == results::RunStatus::kFailed && RunIsLocked(jobs_[run->index].work.folder)) {
-      LeaveAlone(run->index, "another process began it at the same moment");
+    if (end.exit_code == static_cast<int>(ExitCode::kInputOutput) &&
+        RunIsLocked(jobs_[run->index].work.folder)) {
+      Skip(run->index, "another process began it at the same moment");
       return;
     }
     SetStatus(*run, end.status, end.exit_code, end.error);
   }
 
   // The run is another process's; its status is not ours to write.
-  void LeaveAlone(std::size_t index, const std::string& why) {
+  void Skip(std::size_t index, const std::string& why) {
     const SweepJob& job = jobs_[index];
     try {
       if (const auto known = database_->GetRun(job.work.run_id)) {
@@ -392,7 +432,7 @@ class Sweep {
     } catch (const Failure&) {  // the status is for the summary only
     }
     ++ended_;
-    observer_->Say("left alone " + job.label + ": " + why);
+    observer_->Say("skipped " + job.label + ": " + why);
   }
 
   void SetStatus(const ActiveRun& run, results::RunStatus status, int exit_code,
@@ -407,11 +447,15 @@ class Sweep {
                                         ? 0
                                         : static_cast<std::int64_t>(run.line.progress.env_step)};
     try {
-      if (!Record(ending)) {
-        LeaveAlone(run.index, "another process has gone on with it or deleted it");
+      lock_patience_ = kRecordPatienceSeconds;
+      const bool recorded = Record(ending);
+      lock_patience_ = kLockPatienceSeconds;
+      if (!recorded) {
+        Skip(run.index, "another process has resumed it or deleted it");
         return;
       }
     } catch (const Failure& problem) {
+      lock_patience_ = kLockPatienceSeconds;
       unrecorded_.push_back(ending);
       observer_->Say("cannot record yet what became of " + job.label + ": " + problem.what());
     }
@@ -427,7 +471,7 @@ class Sweep {
     return ending.error.empty() ? text : text + ": " + ending.error;
   }
 
-  // False if another process has gone on with the run or deleted it: its status is not ours.
+  // False if another process has resumed the run or deleted it: its status is not ours.
   bool Record(const Ending& ending) {
     const std::int64_t run_id = jobs_[ending.index].work.run_id;
     bool recorded = false;
@@ -438,21 +482,26 @@ class Sweep {
       const bool noticed = ending.status == results::RunStatus::kFailed ||
                            ending.status == results::RunStatus::kDiverged;
       if (!recorded || noticed || ending.error.empty()) return;
-      database_->AddEvent(run_id,
-                          std::max(ending.env_step, database_->GetRun(run_id)->env_steps_done),
-                          ending.status == results::RunStatus::kInterrupted ? "info" : "error",
-                          results::RunStatusName(ending.status), ending.error);
+      database_->AddEvent(
+          run_id, std::max(ending.env_step, database_->GetRun(run_id)->env_steps_done),
+          ending.status != results::RunStatus::kInterrupted              ? "error"
+          : ending.exit_code == static_cast<int>(ExitCode::kInterrupted) ? "info"
+                                                                         : "warning",
+          results::RunStatusName(ending.status), ending.error);
     });
     return recorded;
   }
 
   // Tries again what could not be recorded.
-  void RecordAgain() {
-    tried_to_record_ = ActivityClock::Now();
+  void RecordAgain(double lock_patience) {
+    if (unrecorded_.empty()) return;
+    lock_patience_ = lock_patience;
     try {
       for (; !unrecorded_.empty(); unrecorded_.pop_front()) Record(unrecorded_.front());
     } catch (const Failure&) {  // the others would meet the same
     }
+    lock_patience_ = kLockPatienceSeconds;
+    tried_to_record_ = ActivityClock::Now();
   }
 
   void ShowProgress() {
@@ -494,6 +543,8 @@ class Sweep {
   std::vector<int> exit_codes_;
   std::deque<Ending> unrecorded_;
   double tried_to_record_ = 0;
+  bool said_locked_ = false;
+  double lock_patience_ = kLockPatienceSeconds;
   SweepResult result_;
   SweepObserver* observer_;
   CoreSharing sharing_;

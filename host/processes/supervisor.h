@@ -8,7 +8,8 @@
 //          update, checkpoint and end; a second one ends them at once. Either
 //          way every run can be resumed. A worker that was asked to end, by a
 //          signal or its time limit, and does not within a minute (within
-//          --hang-timeout if that is shorter) is killed.
+//          --hang-timeout if that is shorter) is killed. A signal that was ignored
+//          when the program was started stays ignored.
 #pragma once
 
 #include <cstdint>

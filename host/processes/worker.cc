@@ -1,26 +1,23 @@
 #include "host/processes/worker.h"
 
-#include <fcntl.h>
 #include <malloc.h>
 #include <signal.h>
-#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <atomic>
-#include <cerrno>
-#include <chrono>
 #include <cstdlib>
-#include <cstring>
 #include <exception>
 #include <iostream>
-#include <thread>
 
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
 #include "host/processes/report.h"
+#include "host/processes/run_lock.h"
+#include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
+#include "host/processes/worker_end.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
 #include "host/training/provenance.h"
@@ -31,6 +28,8 @@
 #include "results/system/error.h"
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -42,37 +41,73 @@ std::atomic<bool> stop_requested{false};
 // ends a worker at once with SIGKILL.
 void OnStopSignal(int) { stop_requested = true; }
 
+// A signal that was ignored when `runner` was started stays ignored.
 void CatchStopSignals() {
   struct sigaction action {};
   action.sa_handler = OnStopSignal;
   action.sa_flags = SA_RESTART;
-  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGHUP}) ::sigaction(signal, &action, nullptr);
+  for (const int signal : kStopSignals) {
+    if (!IsIgnored(signal)) ::sigaction(signal, &action, nullptr);
+  }
+  ::sigaction(StopRequestSignal(), &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-// A second in all.
-constexpr int kLockAttempts = 100;
-constexpr std::chrono::milliseconds kLockPause{10};
+void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
 
-std::filesystem::path LockPath(const std::filesystem::path& folder) { return folder / "lock"; }
+// Tells the supervisor how the run gets on, also while it waits for the database.
+class Reporter {
+ public:
+  explicit Reporter(std::string db) : db_(std::move(db)) {}
 
-// Holds the run for this process until it ends. Who asks with RunIsLocked holds the file
-// for a moment, so a refusal counts only once it has lasted.
-Descriptor LockRun(const std::filesystem::path& folder) {
-  Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (lock.get() < 0) {
-    throw Failure(ExitCode::kCannotCreate,
-                  "cannot create " + LockPath(folder).string() + ": " + std::strerror(errno));
-  }
-  for (int attempt = 0; ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0; ++attempt) {
-    if (attempt == kLockAttempts) {
-      throw Failure(ExitCode::kInputOutput, "another process is working on this run: " +
-                                                LockPath(folder).string() + " is locked");
+  void Show(const RunProgress& progress) {
+    if (waiting_) {
+      waiting_ = false;
+      std::cerr << "the database is unlocked\n";
     }
-    std::this_thread::sleep_for(kLockPause);
+    if (progress.threads != report_.progress.threads) {
+      std::cerr << "threads: " << progress.threads << " from environment step " << progress.env_step
+                << "\n";
+    }
+    report_.progress = progress;
+    SendIfDue();
   }
-  return lock;
-}
+
+  // Whether to go on waiting for another process to unlock the database: until a stop was asked
+  // for, and for a moment after that.
+  bool Wait(double seconds) {
+    const double now = ActivityClock::Now();
+    if (stop_requested) {
+      if (stop_noticed_ == 0) stop_noticed_ = now;
+      if (now - stop_noticed_ > kLastWaitSeconds) return false;
+    }
+    if (seconds < kSilentWaitSeconds) return true;
+    if (!waiting_) {
+      waiting_ = true;
+      std::cerr << "waiting: another process has locked the database " << db_ << "\n";
+    }
+    report_.progress.lock_wait_seconds = seconds;
+    SendIfDue();
+    return true;
+  }
+
+ private:
+  static constexpr double kSilentWaitSeconds = 1;
+  static constexpr double kLastWaitSeconds = 2;
+
+  void SendIfDue() {
+    const double now = ActivityClock::Now();
+    if (now - last_sent_ < 0.2) return;
+    last_sent_ = now;
+    Send(report_);
+  }
+
+  std::string db_;
+  Report report_;
+  bool waiting_ = false;
+  double last_sent_ = 0;
+  double stop_noticed_ = 0;
+};
 
 // What a checkpoint must agree with before a run goes on from it.
 void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
@@ -96,12 +131,11 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
     throw Failure(ExitCode::kPluginRefused,
                   path + " was made with the instruction set " + stored.instruction_set +
                       ", this process has " + expected.instruction_set +
-                      "; the bits would differ. Resume on the old kind of machine, or go on "
-                      "with `runner resume --force`");
+                      "; the bits would differ. Resume on the old kind of machine, or accept "
+                      "that with `runner resume " +
+                      std::to_string(job.run_id) + " --force --db " + ShellWord(job.db) + "`");
   }
 }
-
-void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
 
 std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
                                          double segment_started, const ThreadGrant& grant,
@@ -135,13 +169,15 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
     throw Failure(ExitCode::kPluginRefused, changed + " since it was described");
   }
   const auto database = results::Database::OpenExisting(job.db);
+  Reporter reporter(job.db);
+  database->connection().WaitForLocks([&](double seconds) { return reporter.Wait(seconds); });
   const std::optional<results::RunInfo> run = database->GetRun(job.run_id);
   if (!run) {
     throw Failure(ExitCode::kNotFound, job.db + ": there is no run " + std::to_string(job.run_id));
   }
   // Two who start at the same moment wait for the lock one after the other.
   if (run->last_segment != job.after_segment) {
-    throw Failure(ExitCode::kInputOutput, "another process has gone on with this run: segment " +
+    throw Failure(ExitCode::kInputOutput, "another process has resumed this run: segment " +
                                               std::to_string(job.after_segment) +
                                               " was its last one, now it is " +
                                               std::to_string(run->last_segment));
@@ -177,22 +213,8 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
       loaded.reset();
     }
     ready = true;
-    double last_report = 0;
-    std::uint32_t threads = 1;
-    const Procedure::Outcome outcome =
-        procedure->Run(&stop_requested, [&](const RunProgress& progress) {
-          if (progress.threads != threads) {
-            threads = progress.threads;
-            std::cerr << "threads: " << threads << " from environment step " << progress.env_step
-                      << "\n";
-          }
-          const double now = ActivityClock::Now();
-          if (now - last_report < 0.2) return;
-          last_report = now;
-          Report report;
-          report.progress = progress;
-          Send(report);
-        });
+    const Procedure::Outcome outcome = procedure->Run(
+        &stop_requested, [&](const RunProgress& progress) { reporter.Show(progress); });
     const auto env_step = static_cast<std::int64_t>(procedure->env_step());
     if (outcome == Procedure::Outcome::kInterrupted) {
       writer.EndSegment("interrupted", env_step);
@@ -208,9 +230,17 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   } catch (const Failure& error) {
     const std::int64_t env_step =
         ready ? static_cast<std::int64_t>(procedure->env_step()) : point.env_step;
-    const char* reason = error.code() == ExitCode::kDiverged ? "diverged" : "failed";
-    writer.AddEvent(env_step, "error", reason, error.what());
-    writer.EndSegment(reason, env_step);
+    const results::RunStatus status = StatusOf(error.code());
+    const char* reason = results::RunStatusName(status);
+    try {
+      // What the machine did to it, its supervisor records.
+      if (status != results::RunStatus::kInterrupted) {
+        writer.AddEvent(env_step, "error", reason, error.what());
+      }
+      writer.EndSegment(reason, env_step);
+    } catch (const Failure& second) {
+      std::cerr << "warning: the end of this segment is not recorded: " << second.what() << "\n";
+    }
     throw;
   }
 }
@@ -234,7 +264,7 @@ WorkerJob DecodeJob(const std::string& text) {
 
 int WorkerMain() {
   // Die politely if the supervisor dies.
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  ::prctl(PR_SET_PDEATHSIG, StopRequestSignal());
   CatchStopSignals();
   const auto fail = [](int status, const std::string& message) {
     std::cerr << "error: " << message << "\n";
@@ -253,13 +283,6 @@ int WorkerMain() {
     return fail(static_cast<int>(ExitCode::kInternal),
                 "out of memory; raise --memory-limit, or lower run.replay_capacity or --jobs");
   }
-}
-
-bool RunIsLocked(const std::filesystem::path& folder) {
-  const Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
-  if (lock.get() < 0) return false;
-  // Shared, so that two who ask at once do not take each other for a worker.
-  return ::flock(lock.get(), LOCK_SH | LOCK_NB) != 0;
 }
 
 }  // namespace dreamsearch

@@ -19,7 +19,7 @@ struct WorkerJob {
   std::string db;  // absolute path
   std::int64_t run_id = 0;
   // The run's last segment when this job was given; another one since then means that another
-  // process has gone on with the run.
+  // process has resumed the run.
   std::int64_t after_segment = -1;
   std::filesystem::path folder;  // the run's: checkpoints, log, dumps
   // Of an evaluation of a trained run: that run's checkpoint.
@@ -28,7 +28,7 @@ struct WorkerJob {
   std::uint64_t memory_limit_bytes = 0;  // 0: none
   bool log_decisions = false;
   bool record_trees = false;
-  bool force = false;  // go on under another instruction set
+  bool force = false;  // resume under another instruction set
 
   template <typename Archive>
   void Fields(Archive* archive) {
@@ -52,8 +52,5 @@ WorkerJob DecodeJob(const std::string& text);
 // Works on the job read from standard input. Returns the exit status: 0 finished,
 // 75 interrupted, else as in error.h.
 int WorkerMain();
-
-// Whether some process holds the lock of the run in `folder`.
-bool RunIsLocked(const std::filesystem::path& folder);
 
 }  // namespace dreamsearch

@@ -7,7 +7,9 @@
 #include <iterator>
 
 #include "host/processes/child_process.h"
+#include "host/processes/stop_signals.h"
 #include "results/system/error.h"
+#include "results/system/machine_fault.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
@@ -29,18 +31,19 @@ std::string LastLine(const std::filesystem::path& log) {
 }
 
 bool IsStopSignal(int signal) {
-  return std::find(std::begin(kStopSignals), std::end(kStopSignals), signal) !=
-         std::end(kStopSignals);
+  return signal == StopRequestSignal() ||
+         std::find(std::begin(kStopSignals), std::end(kStopSignals), signal) !=
+             std::end(kStopSignals);
 }
 
 WorkerEnd Killed(const WorkerCourse& course) {
   const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
-  const std::string doing = std::string(" while it was to ") + RunStageName(course.stage);
+  const std::string doing = std::string(" while ") + RunStageName(course.stage);
   const std::string log = "Log: " + course.log.string();
   switch (course.killed) {
     case WorkerCourse::Killed::kHang:
       return {results::RunStatus::kCrashed, crashed,
-              "no sign of life for " + FormatDuration(course.patience_seconds) +
+              "made no progress for " + FormatDuration(course.patience_seconds) +
                   " of processor time" + doing +
                   "; a plugin hangs, or --hang-timeout is too short. " + log};
     case WorkerCourse::Killed::kOverdue:
@@ -62,6 +65,14 @@ WorkerEnd Killed(const WorkerCourse& course) {
 
 }  // namespace
 
+results::RunStatus StatusOf(ExitCode code) {
+  if (code == ExitCode::kDiverged) return results::RunStatus::kDiverged;
+  if (code == ExitCode::kInterrupted || IsOfTheMachine(code)) {
+    return results::RunStatus::kInterrupted;
+  }
+  return results::RunStatus::kFailed;
+}
+
 WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
   const int crashed = static_cast<int>(ExitCode::kPluginCrashed);
   const int interrupted = static_cast<int>(ExitCode::kInterrupted);
@@ -74,7 +85,7 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
     }
     const std::string last = LastLine(course.log);
     return {results::RunStatus::kCrashed, crashed,
-            "crashed with " + DescribeWaitStatus(wait_status) + " while it was to " +
+            "crashed with " + DescribeWaitStatus(wait_status) + " while " +
                 RunStageName(course.stage) + (last.empty() ? "" : ": " + last) + log};
   }
   const int code = WEXITSTATUS(wait_status);
@@ -89,10 +100,7 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
                 ? "time limit of " + FormatDuration(course.time_limit_seconds) + " reached"
                 : ""};
   }
-  if (code == static_cast<int>(ExitCode::kDiverged)) {
-    return {results::RunStatus::kDiverged, code, course.error};
-  }
-  return {results::RunStatus::kFailed, code,
+  return {StatusOf(static_cast<ExitCode>(code)), code,
           course.error.empty() ? DescribeWaitStatus(wait_status) + log : course.error};
 }
 

@@ -2,18 +2,14 @@
 // people, from how the process ended and what the supervisor had done to it.
 #pragma once
 
-#include <signal.h>
-
 #include <filesystem>
 #include <string>
 
 #include "host/training/procedure.h"
 #include "results/database/database.h"
+#include "results/system/error.h"
 
 namespace dreamsearch {
-
-// What asks a supervisor, and by it its workers, to stop.
-inline constexpr int kStopSignals[] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
 
 // What a supervisor knows of a worker that has ended.
 struct WorkerCourse {
@@ -24,7 +20,7 @@ struct WorkerCourse {
   bool done = false;                     // reported
   std::string error;                     // reported
   std::filesystem::path log;
-  double patience_seconds = 0;  // of processor time without a sign of life
+  double patience_seconds = 0;  // of processor time without progress
   double grace_seconds = 0;     // after it was asked to end
   double time_limit_seconds = 0;
 };
@@ -34,6 +30,11 @@ struct WorkerEnd {
   int exit_code = 0;
   std::string error;
 };
+
+// The status of a run that ended with this code: diverged; interrupted, so that the same command
+// resumes it, if it was stopped or the machine is at fault; otherwise failed, which is the
+// program's or a plugin's fault.
+results::RunStatus StatusOf(ExitCode code);
 
 WorkerEnd EndOf(const WorkerCourse& course, int wait_status);
 

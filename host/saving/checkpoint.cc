@@ -134,7 +134,7 @@ void Checkpoint::Damaged(const std::string& what) const {
 
 std::string Checkpoint::Advice() const {
   return "It was written by runner " + build_ + ", this is runner " + ThisBuildText() +
-         ": go on with that one, or start the run over (its command with --retry --replace)";
+         ": resume with that one, or start the run over (its command with --retry --replace)";
 }
 
 void Checkpoint::ReadAt(std::uint64_t offset, void* data, std::uint64_t size) const {
@@ -173,7 +173,7 @@ void Checkpoint::ReadFrame() {
                   path_.string() + " is a checkpoint of format " + std::to_string(format) +
                       ", of another runner; this is runner " + ThisBuildText() +
                       ", which reads format " + std::to_string(kFormat) +
-                      ". Go on with the runner that wrote it, or start the run over (its command "
+                      ". Resume with the runner that wrote it, or start the run over (its command "
                       "with --retry --replace)");
   }
   std::uint16_t length = 0;

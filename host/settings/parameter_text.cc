@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "results/text/names.h"
+#include "results/text/shell.h"
 
 namespace dreamsearch {
 namespace {
@@ -61,7 +62,7 @@ std::string Expectation(const ParameterInfo& parameter) {
 }
 
 bool IsOneLine(const std::string& text) {
-  return std::none_of(text.begin(), text.end(), IsControl);
+  return IsUtf8(text) && std::none_of(text.begin(), text.end(), IsControl);
 }
 
 std::string Quotable(const std::string& text) {

@@ -72,7 +72,7 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
 }
 
 int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answer) {
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::signal(SIGPIPE, SIG_IGN);
   nlohmann::json text;
   int status = 0;

@@ -5,12 +5,15 @@
 #include <map>
 
 #include "host/plugins/catalogue.h"
+#include "host/processes/run_lock.h"
 #include "host/saving/checkpoint.h"
 #include "host/training/provenance.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -38,7 +41,7 @@ RunFile ReadRunFile(const std::filesystem::path& folder) {
   } catch (const nlohmann::json::exception& error) {
     throw Failure(ExitCode::kBadInput,
                   path.string() + " is not what this `runner` writes: " + error.what() +
-                      ". Go on with the runner that wrote it, or start the run over (its command "
+                      ". Resume with the runner that wrote it, or start the run over (its command "
                       "with --retry --replace)");
   }
 }
@@ -59,7 +62,7 @@ std::string ChangedPlugin(results::Database* database, const results::RunInfo& r
   return "";
 }
 
-// Why an unfinished run cannot go on.
+// Why an unfinished run cannot be resumed.
 struct Obstacle {
   ExitCode code = ExitCode::kPluginRefused;
   std::string why;
@@ -99,6 +102,11 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
     if (!recorded) {
       const std::string changed = ChangedPlugin(spec, header.plugins);
       if (!changed.empty()) return other_plugin(changed);
+    }
+    if (replace &&
+        (header.configuration != ConfigurationSha256(spec) || header.seed != spec.seed)) {
+      return Obstacle{ExitCode::kPluginRefused,
+                      "its checkpoint was made with another configuration"};
     }
     if (replace && header.instruction_set != InstructionSetInUse()) {
       return Obstacle{ExitCode::kPluginRefused,
@@ -293,14 +301,14 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
   return jobs;
 }
 
-int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned) {
+int SaySkipped(results::Database* database, const std::vector<PlannedRun>& planned) {
   int failed_before = 0;
   for (const PlannedRun& run : planned) {
     if (run.action == Action::kSkipFailed && failed_before == 0) {
       failed_before = FailureCode(*database->GetRun(run.run_id));
     }
     if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
-      std::cerr << (run.action == Action::kRefused ? "refused: " : "left alone: ")
+      std::cerr << (run.action == Action::kRefused ? "refused: " : "skipped: ")
                 << RunLabel(run.spec) << ": " << run.note << "\n";
     }
   }
@@ -326,10 +334,13 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
         "the files of run " + std::to_string(run.run_id) + " are gone: expected " + path.string() +
             ". Put the folder " + folder.string() + " back from where " + database->path() +
             " came from, or " +
-            (finished ? "delete the run with `results delete` and give its command again: "
+            (finished ? "delete the run with " +
+                            CommandOn("results delete " + std::to_string(run.run_id) + " --yes",
+                                      database->path()) +
+                            " and give its command again: "
                       : "give the command that began it again, with --retry --replace if it had a "
                         "checkpoint: ") +
-            run.argv);
+            ShellCommandOf(run.argv));
   }
   try {
     return ReadRunFile(folder).spec;

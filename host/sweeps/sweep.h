@@ -1,7 +1,7 @@
 // sweep.h - from resolved runs to jobs in a database.
 //
-// Decides for each run of a matrix whether it is new, goes on, is left alone or
-// must not be touched, and records what is to be run.
+// Decides for each run of a matrix whether this command starts, resumes, skips or refuses
+// it, and records what is to be run.
 #pragma once
 
 #include <string>
@@ -39,19 +39,19 @@ struct PlannedRun {
   RunSpec spec;
   Action action = Action::kStart;
   std::int64_t run_id = 0;           // 0: not recorded yet
-  std::string note;                  // why it is left alone or starts over, or what it goes on from
+  std::string note;                  // why it is skipped or starts over, or where it resumes
   ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with
 };
 
-// What the same command does now. Reads only; `database` may be null (no file yet). An
-// unfinished run whose plugins changed or that has lost its checkpoints is refused, unless
-// options.replace: then it starts over.
+// Decides for each run whether this command starts, resumes, skips or refuses it. Writes nothing;
+// `database` may be null (no file yet). An unfinished run whose plugins changed or that has lost
+// its checkpoints is refused, unless options.replace: then it starts over.
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
 
-// Says which runs are left alone or refused, and why. Returns the exit code of the first
+// Says which runs are skipped or refused, and why. Returns the exit code of the first
 // of them that failed before, 0 if none did.
-int SayLeftAlone(results::Database* database, const std::vector<PlannedRun>& planned);
+int SaySkipped(results::Database* database, const std::vector<PlannedRun>& planned);
 
 // What the command ends with: 75 if it was stopped, else the code of the first run that
 // was refused, else what its jobs ended with.

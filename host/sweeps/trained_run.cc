@@ -9,6 +9,8 @@
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 
@@ -29,8 +31,9 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
   found.spec = RecordedSpec(database, found.info);
   if (found.spec.evaluation) {
     throw Failure(ExitCode::kUsage, "run " + std::to_string(found.info.run_id) +
-                                        " is an evaluation of an untrained model; `runner "
-                                        "status` lists the trained runs");
+                                        " is an evaluation of an untrained model; " +
+                                        CommandOn("runner status", database->path()) +
+                                        " lists the trained runs");
   }
   const std::string name = RunName(found);
   const std::string folder = database->RunFolder(found.info);

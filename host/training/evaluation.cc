@@ -260,9 +260,10 @@ Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher&
       const std::optional<Played> played = stage.Collect(at_.episodes);
       if (played) Record(*played, seconds_before + ActivityClock::Now() - started);
       const std::uint64_t env_steps = stage.env_steps;
-      if (env_steps == watched) continue;  // a hanging plugin gives no sign of life
+      if (env_steps == watched) continue;  // a plugin that hangs makes no progress
       watched = env_steps;
       writer_->CommitIfDue();
+      if (writer_->trouble()) throw Failure(*writer_->trouble());
       RunProgress progress;
       progress.stage = RunStage::kEvaluating;
       progress.decisions = threads * together;

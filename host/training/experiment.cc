@@ -76,11 +76,12 @@ Experiment::~Experiment() = default;
 Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
   stop_ = stop;
   watcher_ = watcher;
-  const auto stopping = [&] { return stop_->load(std::memory_order_relaxed); };
   try {
     while (at_.stage != Stage::kDone) {
-      if (stopping()) {
-        WriteCheckpoint(true);
+      if (Stopping()) {
+        const std::optional<Failure> trouble = writer_->trouble();
+        WriteCheckpoint(true);  // if the trouble lasts, this throws
+        if (trouble) throw Failure(*trouble);
         return Outcome::kInterrupted;
       }
       switch (at_.stage) {
@@ -120,6 +121,10 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
   RecordTimeUse();  // again, with the checkpoint's own time
   Watch(RunStage::kFinished);
   return Outcome::kFinished;
+}
+
+bool Experiment::Stopping() const {
+  return stop_->load(std::memory_order_relaxed) || writer_->trouble();
 }
 
 void Experiment::Watch(RunStage stage) {
@@ -277,7 +282,7 @@ void Experiment::FinishEpisode() {
   }
   at_.stage = Stage::kLearn;
   writer_->SetProgress(Signed(at_.env_step));
-  writer_->Commit();
+  writer_->TryCommit();
 }
 
 void Experiment::AdjustThreads() {
@@ -338,7 +343,7 @@ void Experiment::RecordTimeUse() {
   for (std::size_t i = 0; i < kActivities; ++i) {
     writer_->AddTimeUse(Signed(at_.env_step), results::kActivities[i], seconds[i]);
   }
-  writer_->Commit();
+  writer_->TryCommit();
 }
 
 void Experiment::MaybeCheckpoint() {

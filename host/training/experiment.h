@@ -163,6 +163,8 @@ class Experiment final : public Procedure {
   void MaybeCheckpoint();
   void RecordTimeUse();
   void WriteCheckpoint(bool with_replay);
+  // A stop was asked for, or rows can no longer be stored.
+  bool Stopping() const;
   void Watch(RunStage stage);
   void AddArtifact(const WrittenFile& file, const std::string& kind);
   void SaveEpisode(StateWriter* part) const;

@@ -22,7 +22,7 @@ bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
     return taken++;
   };
   course.go_on = [&](std::uint64_t index, std::uint64_t) {
-    if (stop_->load(std::memory_order_relaxed) || !faults.MayGoOn(index)) return false;
+    if (Stopping() || !faults.MayGoOn(index)) return false;
     Watch(RunStage::kEvaluating);
     writer_->CommitIfDue();
     return true;
@@ -45,7 +45,7 @@ bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
     faults.Add(index, std::move(error));
   };
   players->Play(course, at_.env_step);
-  if (ended < faults.FirstOr(episodes) && stop_->load(std::memory_order_relaxed)) return false;
+  if (ended < faults.FirstOr(episodes) && Stopping()) return false;
   faults.RethrowFirst();
   for (const auto& [index, message] : diverged) {
     writer_->AddEvent(Signed(at_.env_step), "warning", "divergence", message);

@@ -7,15 +7,15 @@ const char* RunStageName(RunStage stage) {
     case RunStage::kStarting:
       return "starting";
     case RunStage::kExploring:
-      return "explore at random";
+      return "exploring at random";
     case RunStage::kInteracting:
-      return "interact";
+      return "interacting";
     case RunStage::kLearning:
-      return "learn";
+      return "learning";
     case RunStage::kEvaluating:
-      return "evaluate";
+      return "evaluating";
     case RunStage::kFinished:
-      return "finished";
+      return "finishing";
   }
   return "unknown";
 }

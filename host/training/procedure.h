@@ -22,7 +22,7 @@ enum class RunStage : std::uint32_t {
   kEvaluating = 4,
   kFinished = 5,
 };
-// "learn": for people.
+// "learning": for people.
 const char* RunStageName(RunStage stage);
 
 // What a person watching wants to know. The worker reports it to the supervisor, which
@@ -35,6 +35,8 @@ struct RunProgress {
   double evaluation_return = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t decisions = 1;  // made side by side until the next call
   std::uint32_t threads = 1;    // that the model may use
+  // That the run has waited so far for another process to unlock the database; 0: it works.
+  double lock_wait_seconds = 0;
 
   template <typename Archive>
   void Fields(Archive* archive) {
@@ -44,6 +46,7 @@ struct RunProgress {
     (*archive)("evaluation_return", &evaluation_return);
     (*archive)("decisions", &decisions);
     (*archive)("threads", &threads);
+    (*archive)("lock_wait_seconds", &lock_wait_seconds);
   }
 };
 

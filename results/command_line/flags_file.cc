@@ -10,6 +10,7 @@
 #include "results/command_line/parser.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
@@ -62,6 +63,7 @@ std::vector<Given> ReadFlagsFile(const CommandSpec& spec, const std::string& pat
         fail("expected text, found a control character");
       }
     }
+    if (!IsUtf8(line)) fail("expected text in UTF-8, found other bytes");
     const std::string content = line.substr(0, line.find('#'));
     const auto begin = content.find_first_not_of(" \t");
     if (begin == std::string::npos) continue;

@@ -23,7 +23,9 @@ std::string ExitStatusHelp() {
       {ExitCode::kPluginCrashed, "a plugin crashed or took too long"},
       {ExitCode::kDiverged, "a run diverged"},
       {ExitCode::kCannotCreate, "an output cannot be created"},
-      {ExitCode::kInputOutput, "reading or writing failed, or the disk is full"},
+      {ExitCode::kInputOutput,
+       "reading or writing failed, the disk is full or a database locked; the same command "
+       "resumes"},
       {ExitCode::kInterrupted, "stopped; the same command resumes"},
       {ExitCode::kPermission, "no permission"},
       {ExitCode::kVerificationFailed, "stored and recomputed results differ"}};

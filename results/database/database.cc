@@ -15,6 +15,8 @@
 
 #include "results/database/schema.h"
 #include "results/system/file.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -60,6 +62,15 @@ void CreateFolders(const std::string& path) {
                           error.message() + "). Name another file with --db.");
 }
 
+// Paths are stored as text and handed to workers as JSON, which hold UTF-8 only.
+std::string CheckedPath(const std::string& path) {
+  if (IsUtf8(path)) return path;
+  throw Failure(ExitCode::kUsage, ShellWord(path) +
+                                      ": expected the path of a database in UTF-8, found other "
+                                      "bytes. Rename the file or folder, or name another with "
+                                      "--db.");
+}
+
 std::string NamedPath(const std::string& path) {
   if (path.empty()) {
     throw Failure(ExitCode::kUsage,
@@ -74,10 +85,12 @@ std::string NamedPath(const std::string& path) {
         std::filesystem::weakly_canonical(file.parent_path(), error);
     if (error) break;
     file = folder / file.filename();
-    if (!std::filesystem::is_symlink(file, error)) return file.lexically_normal().string();
+    if (!std::filesystem::is_symlink(file, error)) {
+      return CheckedPath(file.lexically_normal().string());
+    }
     file = folder / std::filesystem::read_symlink(file, error);
   }
-  return AbsolutePath(path);
+  return CheckedPath(AbsolutePath(path));
 }
 
 // Text of milliseconds since 1970.

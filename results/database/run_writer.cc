@@ -6,6 +6,7 @@
 #include "results/database/derived_rows.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
+#include "results/system/machine_fault.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -148,7 +149,7 @@ void RunWriter::CheckFinite(double value, std::int64_t env_step, const char* wha
 
 void RunWriter::RowAdded() {
   if (++rows_waiting_ >= kRowsPerCommit) {
-    Commit();
+    if (!trouble_) TryCommit();
   } else {
     CommitIfDue();
   }
@@ -341,6 +342,7 @@ void RunWriter::Commit() {
     StoreRows(&stored, &rows, &events);
     StoreProgress();
   });
+  trouble_.reset();
   stored_ = std::move(stored);
   rows_ = rows;
   events_ = events;
@@ -354,8 +356,18 @@ void RunWriter::Commit() {
   last_commit_ = std::chrono::steady_clock::now();
 }
 
+void RunWriter::TryCommit() {
+  try {
+    Commit();
+  } catch (const Failure& error) {
+    if (!IsOfTheMachine(error.code())) throw;
+    trouble_ = error;
+  }
+}
+
 void RunWriter::CommitIfDue() {
-  if (std::chrono::steady_clock::now() - last_commit_ >= kCommitInterval) Commit();
+  if (trouble_) return;
+  if (std::chrono::steady_clock::now() - last_commit_ >= kCommitInterval) TryCommit();
 }
 
 void RunWriter::EndSegment(const std::string& reason, std::int64_t env_step) {

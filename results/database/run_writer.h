@@ -9,7 +9,9 @@
 // A number that is not finite is stored as NULL together with an event.
 //
 // Errors   Failure as in database.h. A failed Commit has stored nothing and
-//          keeps its rows, so it can be tried again once there is space.
+//          keeps its rows, so it can be tried again once there is space. When the writer
+//          commits by itself, within a piece of work, a fault of the machine (a full disk,
+//          a lock) is not thrown: trouble() has it, until a Commit succeeds.
 #pragma once
 
 #include <chrono>
@@ -22,6 +24,7 @@
 
 #include "results/database/database.h"
 #include "results/database/resume_point.h"
+#include "results/system/error.h"
 
 namespace dreamsearch::results {
 
@@ -105,9 +108,15 @@ class RunWriter {
   // Stores all rows, progress and heartbeat. Call at each episode's end and before
   // each checkpoint.
   void Commit();
-  // Commits if a second has passed since the last commit, so that a long phase
+  // Commit, but a fault of the machine is kept for trouble() instead of thrown.
+  void TryCommit();
+  // TryCommit if a second has passed since the last commit, so that a long phase
   // without rows still shows a heartbeat.
   void CommitIfDue();
+
+  // What kept rows from being stored since the last successful commit. Whoever works on the run
+  // looks here between two pieces of work and ends it: rows are no longer stored.
+  const std::optional<Failure>& trouble() const { return trouble_; }
 
   // Events the run has as of the last commit, for ResumePoint.
   std::int64_t events() const { return events_; }
@@ -165,6 +174,7 @@ class RunWriter {
   Stored stored_;
   RowSums rows_;
 
+  std::optional<Failure> trouble_;
   std::size_t rows_waiting_ = 0;
   std::chrono::steady_clock::time_point last_commit_;
   std::vector<StepRow> steps_;

@@ -11,6 +11,8 @@
 #include "results/database/derived_rows.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
+#include "results/text/shell.h"
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -300,8 +302,8 @@ RunInfo Database::GetRun(const std::string& id_or_uuid) {
                 path() + ": no run '" + id_or_uuid + "'. Expected a run_id or the " +
                     "beginning of a UUID (4 characters or more); there are " +
                     std::to_string(count) + " runs" +
-                    (count > 0 ? ", the last is " + std::to_string(last) : "") +
-                    ". See `results list`.");
+                    (count > 0 ? ", the last is " + std::to_string(last) : "") + ". See " +
+                    CommandOn("results list", path()) + ".");
 }
 
 std::vector<EpisodeInfo> Database::ListEpisodes(std::int64_t run_id) {

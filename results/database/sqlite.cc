@@ -4,18 +4,22 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <thread>
 
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {
 
-constexpr int kBusyTimeoutMs = 30000;
+constexpr double kLockPatienceSeconds = 30;
 
 // Bytes an ordinary user can still write beside `path`, for messages.
 std::string FreeSpace(const std::string& path) {
@@ -66,8 +70,8 @@ bool IsUnchangeable(const std::string& path) {
     case SQLITE_LOCKED:
       throw Failure(ExitCode::kInputOutput,
                     where +
-                        "another process kept the database locked for 30 seconds. End it, or "
-                        "use another database and merge.");
+                        "another process kept the database locked for too long. End that process "
+                        "and run the same command again, or use another database and merge.");
     case SQLITE_READONLY:
     case SQLITE_PERM:
     case SQLITE_AUTH:
@@ -190,10 +194,23 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
     sqlite3_close_v2(handle_);
     ThrowCode(code, reason, path_, "opening");
   }
-  sqlite3_busy_timeout(handle_, kBusyTimeoutMs);
+  WaitForLocks([](double seconds) { return seconds < kLockPatienceSeconds; });
+  sqlite3_busy_handler(handle_, OnLocked, this);
 }
 
 Connection::~Connection() { sqlite3_close_v2(handle_); }
+
+void Connection::WaitForLocks(LockWaiter waiter) { lock_waiter_ = std::move(waiter); }
+
+int Connection::OnLocked(void* connection, int count) {
+  auto* self = static_cast<Connection*>(connection);
+  const auto now = std::chrono::steady_clock::now();
+  if (count == 0) self->locked_since_ = now;
+  const std::chrono::duration<double> waited = now - self->locked_since_;
+  if (!self->lock_waiter_(waited.count())) return 0;
+  std::this_thread::sleep_for(std::chrono::milliseconds(std::min(1 + 2 * count, 50)));
+  return 1;
+}
 
 Statement Connection::Prepare(std::string_view sql) {
   sqlite3_stmt* statement = nullptr;

@@ -5,6 +5,7 @@
 // and is not carried over fork().
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -109,6 +110,11 @@ class Connection {
   std::int64_t LastInsertId() const;
   std::int64_t Changes() const;  // rows of the last statement, triggers not counted
 
+  // Asked again and again while another process has locked the database, with the seconds of
+  // this waiting so far; false ends it with Failure 74. At first: 30 seconds.
+  using LockWaiter = std::function<bool(double seconds)>;
+  void WaitForLocks(LockWaiter waiter);
+
   // Runs `body` between BEGIN IMMEDIATE and COMMIT, so that it waits for other
   // writers at its start and never in its middle. If anything throws, nothing of
   // it is stored. A transaction within a transaction is part of the outer one.
@@ -117,8 +123,12 @@ class Connection {
   void Transact(const std::function<void()>& body);
 
  private:
+  static int OnLocked(void* connection, int count);
+
   sqlite3* handle_ = nullptr;
   std::string path_;
+  LockWaiter lock_waiter_;
+  std::chrono::steady_clock::time_point locked_since_;
   bool in_transaction_ = false;
   bool wal_seen_ = false;
 };

@@ -8,6 +8,7 @@
 #include "results/program/selection.h"
 #include "results/system/error.h"
 #include "results/text/json_text.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch::results {
@@ -76,7 +77,7 @@ int Show::Run() {
   fact("heartbeat", run.heartbeat_utc);
   fact("ended", run.ended_utc);
   fact("result digest", run.result_digest);
-  fact("command", run.argv);
+  fact("command", ShellCommandOf(run.argv));
   fact("log", run.log_path);
   fact("files", database->RelativePath(database->RunFolder(run)));
   fact("environment plugin", plugin(run.env_plugin));

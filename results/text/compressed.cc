@@ -6,6 +6,7 @@
 
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {

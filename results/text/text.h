@@ -15,8 +15,6 @@ std::string FormatNumber(const char* format, double value);
 std::string CsvField(const std::string& text);
 // Control characters as \n, \t or \x1b, so that a name cannot steer a terminal.
 std::string Printable(const std::string& text);
-// As a word of a shell's command line, quoted where it needs to be.
-std::string ShellWord(const std::string& text);
 // Characters of UTF-8.
 std::size_t Width(const std::string& text);
 

@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <string>
 #include <utility>
 
 #include "host/processes/report.h"
 #include "host/training/rate_meter.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
@@ -24,6 +26,36 @@ TEST(Format, NumbersReadWell) {
   EXPECT_EQ(FormatDuration(50 * 3600), "2 d 2 h");
   EXPECT_EQ(FormatBytes(999), "999 B");
   EXPECT_EQ(FormatBytes(3.4e6), "3.4 MB");
+}
+
+TEST(ShellWord, IsWhatAShellTakesForOneWord) {
+  EXPECT_EQ(ShellWord("results/a-b_c.db"), "results/a-b_c.db");
+  EXPECT_EQ(ShellWord(""), "''");
+  EXPECT_EQ(ShellWord("my dir/y.db"), "'my dir/y.db'");
+  EXPECT_EQ(ShellWord("it's"), "'it'\\''s'");
+  EXPECT_EQ(ShellWord("a\n'\\\xe9"), "$'a\\012\\'\\\\\\351'");
+  EXPECT_EQ(ShellCommand({"runner", "--db", "a b"}), "runner --db 'a b'");
+  // Every byte but NUL, alone and between others, comes back from a shell.
+  std::string all;
+  for (int byte = 1; byte < 256; ++byte) all += static_cast<char>(byte);
+  const std::string command = "bash -c " + ShellWord("printf %s " + ShellWord(all));
+  FILE* shell = ::popen(("bash -c " + ShellWord("exec " + command)).c_str(), "r");
+  ASSERT_NE(shell, nullptr);
+  std::string back(512, '\0');
+  back.resize(std::fread(back.data(), 1, back.size(), shell));
+  ::pclose(shell);
+  EXPECT_EQ(back, all);
+}
+
+TEST(IsUtf8, TakesWhatTheStandardTakes) {
+  for (const char* text : {"", "abc", "\xc3\xa9", "\xe2\x82\xac", "\xf0\x9f\x98\x80",
+                           "\xef\xbf\xbf", "\xf4\x8f\xbf\xbf", "\xed\x9f\xbf"}) {
+    EXPECT_TRUE(IsUtf8(text)) << text;
+  }
+  for (const char* text : {"b\xe9", "\xc0\xaf", "\xc3", "\xe2\x82", "\xe0\x80\xaf", "\xed\xa0\x80",
+                           "\xf4\x90\x80\x80", "\xff", "\x80"}) {
+    EXPECT_FALSE(IsUtf8(text)) << text;
+  }
 }
 
 TEST(RateMeter, CountsOnlyWhatCounts) {
@@ -43,6 +75,7 @@ TEST(Report, RoundTripsAndRefusesNoise) {
   report.progress.training_return = 12.5;
   report.progress.decisions = 3;
   report.progress.threads = 2;
+  report.progress.lock_wait_seconds = 1.5;
   const auto decoded = DecodeReport(EncodeReport(report));
   ASSERT_TRUE(decoded);
   EXPECT_EQ(decoded->kind, Report::Kind::kProgress);
@@ -52,6 +85,7 @@ TEST(Report, RoundTripsAndRefusesNoise) {
   EXPECT_TRUE(std::isnan(decoded->progress.evaluation_return));
   EXPECT_EQ(decoded->progress.decisions, 3u);
   EXPECT_EQ(decoded->progress.threads, 2u);
+  EXPECT_EQ(decoded->progress.lock_wait_seconds, 1.5);
   const std::string line = EncodeReport(report);
   for (const auto& [from, to] :
        {std::pair("\"kind\":0", "\"kind\":9"), std::pair("\"stage\":3", "\"stage\":17"),

@@ -32,8 +32,15 @@ TEST(WorkerEnd, AnExitIsTakenByItsCode) {
             ExitCode::kInterrupted, "");
   ExpectEnd(EndOf(course, Exited(ExitCode::kDiverged)), RunStatus::kDiverged, ExitCode::kDiverged,
             course.error);
-  ExpectEnd(EndOf(course, Exited(ExitCode::kInputOutput)), RunStatus::kFailed,
-            ExitCode::kInputOutput, course.error);
+  // The machine's fault: the same command resumes it.
+  for (const ExitCode code :
+       {ExitCode::kInputOutput, ExitCode::kCannotCreate, ExitCode::kPermission}) {
+    ExpectEnd(EndOf(course, Exited(code)), RunStatus::kInterrupted, code, course.error);
+  }
+  // The program's or a plugin's.
+  for (const ExitCode code : {ExitCode::kInternal, ExitCode::kPluginRefused, ExitCode::kBadInput}) {
+    ExpectEnd(EndOf(course, Exited(code)), RunStatus::kFailed, code, course.error);
+  }
   course.error.clear();
   ExpectEnd(EndOf(course, Exited(ExitCode::kInternal)), RunStatus::kFailed, ExitCode::kInternal,
             "exit status 70. Log: /runs/x/run.log");
@@ -51,7 +58,8 @@ TEST(WorkerEnd, ACrashNamesTheSignalTheStageAndTheLastLineOfTheLog) {
   course.stage = RunStage::kLearning;
   const WorkerEnd end = EndOf(course, SIGSEGV);
   ExpectEnd(end, results::RunStatus::kCrashed, ExitCode::kPluginCrashed, "signal 11");
-  EXPECT_NE(end.error.find("learn: last words. Log: " + log), std::string::npos) << end.error;
+  EXPECT_NE(end.error.find("while learning: last words. Log: " + log), std::string::npos)
+      << end.error;
   std::filesystem::remove(log);
 }
 
@@ -66,14 +74,14 @@ TEST(WorkerEnd, WhoWasKilledIsToldWhy) {
             "killed from outside");
   course.killed = WorkerCourse::Killed::kHang;
   ExpectEnd(EndOf(course, SIGKILL), RunStatus::kCrashed, ExitCode::kPluginCrashed,
-            "no sign of life for 60 s of processor time while it was to interact");
+            "made no progress for 60 s of processor time while interacting");
   course.killed = WorkerCourse::Killed::kOverdue;
   course.asked = WorkerCourse::Asked::kTimeLimit;
   ExpectEnd(EndOf(course, SIGKILL), RunStatus::kKilled, ExitCode::kPluginCrashed,
             "did not stop within 20 s of its time limit of 10 min");
   course.asked = WorkerCourse::Asked::kStop;
   ExpectEnd(EndOf(course, SIGKILL), RunStatus::kKilled, ExitCode::kPluginCrashed,
-            "of being asked to while it was to interact");
+            "of being asked to while interacting");
   course.killed = WorkerCourse::Killed::kStop;
   ExpectEnd(EndOf(course, SIGKILL), RunStatus::kInterrupted, ExitCode::kInterrupted,
             "stopped at once");

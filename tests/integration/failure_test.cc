@@ -77,7 +77,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Fault{"throwing_planner", "dreamer", "crashed", 71, "thrown on purpose"},
                     Fault{"segfault_planner", "dreamer", "crashed", 71, "signal 11"},
                     Fault{"exiting_planner", "dreamer", "crashed", 71, "without finishing"},
-                    Fault{"hanging_planner", "dreamer", "crashed", 71, "no sign of life"},
+                    Fault{"hanging_planner", "dreamer", "crashed", 71, "made no progress"},
                     Fault{"null_planner", "dreamer", "failed", 70, "null_planner"},
                     Fault{"dreamer", "nan_model", "diverged", 72, "nan_model"},
                     Fault{"dreamer", "wrong_size_model", "failed", 70, "wrong_size_model"}),
@@ -224,21 +224,23 @@ TEST(SupervisorTest, AStatusThatCannotBeRecordedEndsNoSweepAndIsRecordedLater) {
       << result.err;
 }
 
-// JSON holds no such path, so the worker cannot be told what to do.
-TEST(SupervisorTest, ARunThatCannotBeStartedFailsAlone) {
+TEST(SupervisorTest, ARunThatCannotBeStartedCostsItselfAlone) {
   const Workplace place;
-  std::filesystem::create_directory(place.Path("a"));
-  place.Runner(FaultyRun("null_planner", "dreamer", "a/f.db"));
-  std::filesystem::rename(place.Path("a"), place.Path("\xff"));
-  const ProgramResult result = place.Runner({"resume", "--retry", "--db", "\xff/f.db"});
-  EXPECT_EQ(result.exit_status, 70) << result.err;
-  EXPECT_NE(place.Value("\xff/f.db", "select error from run").find("cannot be started"),
+  place.Runner(FaultyRun("null_planner", "dreamer", "f.db", {"--seeds", "2"}));
+  const std::string log = FolderOfRun(place, 1) + "/run.log";
+  std::filesystem::remove(log);
+  std::filesystem::create_directory(log);
+  const ProgramResult result = place.Runner({"resume", "--retry", "--db", "f.db"});
+  EXPECT_EQ(result.exit_status, 74) << result.err;
+  EXPECT_NE(place.Value("f.db", "select error from run where run_id = 1").find(log),
             std::string::npos)
       << result.err;
+  EXPECT_EQ(place.Value("f.db", "select group_concat(status) from run"), "interrupted,failed");
+  EXPECT_EQ(place.Value("f.db", "select count(*) from segment where run_id = 2"), "2");
 }
 
 // A second runner on the same runs comes upon the failure of one that the first has planned.
-TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
+TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsSkipped) {
   const Workplace place;
   const pid_t first =
       place.Start(FaultyRun("sleeping_planner,null_planner", "dreamer", "f.db", {"--jobs", "1"}));
@@ -248,7 +250,7 @@ TEST(TwoRunnersTest, ARunThatAnotherRunnerSawFailIsLeftAlone) {
   KillSleepers(place);
   const ProgramResult result = place.Wait(first);
   EXPECT_EQ(result.exit_status, 71) << result.err;
-  EXPECT_NE(result.err.find("left alone cartpole_balance null_planner seed 0"), std::string::npos)
+  EXPECT_NE(result.err.find("skipped cartpole_balance null_planner seed 0"), std::string::npos)
       << result.err;
   EXPECT_EQ(place.Value("f.db",
                         "select count(*) from segment join run using (run_id) "

@@ -9,6 +9,7 @@
 #include "recording.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
+#include "results/text/shell.h"
 #include "results/text/text.h"
 #include "results/upkeep/verification.h"
 

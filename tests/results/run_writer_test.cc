@@ -385,18 +385,18 @@ TEST_F(RunWriterTest, AFailedCommitKeepsItsRows) {
   writer.AddStep({.env_step = 2});
   const std::int64_t pages = Count(db_.get(), "PRAGMA page_count");
   db_->connection().Execute("PRAGMA max_page_count = " + std::to_string(pages));
-  ExitCode code = ExitCode::kOk;
   std::int64_t env_step = 2;
-  try {
-    while (env_step < 100000) writer.AddStep({.env_step = env_step += 2});
-  } catch (const Failure& error) {
-    code = error.code();
-    EXPECT_NE(std::string(error.what()).find("disk is full"), std::string::npos);
-    EXPECT_NE(std::string(error.what()).find("bytes free"), std::string::npos);
-  }
-  EXPECT_EQ(code, ExitCode::kInputOutput);
+  while (env_step < 100000 && !writer.trouble()) writer.AddStep({.env_step = env_step += 2});
+  ASSERT_TRUE(writer.trouble());
+  EXPECT_EQ(writer.trouble()->code(), ExitCode::kInputOutput);
+  EXPECT_NE(std::string(writer.trouble()->what()).find("disk is full"), std::string::npos);
+  EXPECT_NE(std::string(writer.trouble()->what()).find("bytes free"), std::string::npos);
+  writer.AddStep({.env_step = env_step += 2});  // in the middle of a piece of work
+  EXPECT_THROW(writer.Commit(), Failure);
+  EXPECT_TRUE(writer.trouble());
   db_->connection().Execute("PRAGMA max_page_count = 1000000");
   writer.Commit();
+  EXPECT_FALSE(writer.trouble());
   EXPECT_EQ(Count(db_.get(), "SELECT count(*) FROM step"), env_step / 2);
   ExpectDerivedRowsMatch();
 }
