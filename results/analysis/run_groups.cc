@@ -180,8 +180,9 @@ std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databas
     evaluations += static_cast<std::int64_t>(database->ListRuns(filter).size());
   }
   const std::string path = databases.front()->path();
-  if (evaluations == 0)
+  if (evaluations == 0) {
     return path + ": no run matches. " + CommandOn("results list", path) + " shows all.";
+  }
   return path + ": only trained runs have curves and scores, and none matches. Found " +
          GroupDigits(evaluations) + (evaluations == 1 ? " evaluation" : " evaluations") +
          ". `results list` and `results show RUN` show their returns, `results export --rows "
