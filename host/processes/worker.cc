@@ -13,6 +13,7 @@
 
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
+#include "host/processes/eigen_product.h"
 #include "host/processes/report.h"
 #include "host/processes/run_lock.h"
 #include "host/processes/stop_signals.h"
@@ -138,8 +139,8 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
 }
 
 std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
-                                         double segment_started, const ThreadGrant& grant,
-                                         results::RunWriter* writer) {
+                                         double segment_started, double gflop_per_second,
+                                         const ThreadGrant& grant, results::RunWriter* writer) {
   if (job.spec.evaluation) {
     Evaluation::Options options;
     options.threads = job.evaluation_threads;
@@ -149,6 +150,7 @@ std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string
   }
   Experiment::Options options;
   options.segment_started = segment_started;
+  options.gflop_per_second = gflop_per_second;
   options.threads = &grant.threads();
   options.log_decisions = job.log_decisions;
   options.record_trees = job.record_trees;
@@ -193,13 +195,15 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   segment.build_id = database->Build(ThisBuild());
   segment.instruction_set = InstructionSetInUse();
   if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
+  segment.gflop_per_second = MeasureGflopPerSecond();
   writer.BeginSegment(segment, point);
 
   const double segment_started = ActivityClock::Now();
   std::unique_ptr<Procedure> procedure;
   bool ready = false;  // until then the run stands where the segment begins
   try {
-    procedure = MakeProcedure(job, run->uuid, segment_started, grant, &writer);
+    procedure =
+        MakeProcedure(job, run->uuid, segment_started, segment.gflop_per_second, grant, &writer);
     if (loaded) {
       for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
         writer.AddEvent(point.env_step, "warning",

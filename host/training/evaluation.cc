@@ -177,7 +177,7 @@ void Evaluation::Record(const Played& played, double seconds) {
     writer_->AddScalar(static_cast<std::int64_t>(env_step()), metric_ids_[i],
                        at_.metric_sums[i] / static_cast<double>(at_.decisions));
   }
-  writer_->AddTimeUse(static_cast<std::int64_t>(env_step()), "evaluation", seconds);
+  writer_->AddTimeUse({static_cast<std::int64_t>(env_step()), "evaluation", seconds});
   writer_->SetProgress(static_cast<std::int64_t>(env_step()));
   writer_->Commit();
   at_.events = static_cast<std::uint64_t>(writer_->events());

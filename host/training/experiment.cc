@@ -29,7 +29,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_capacity()),
       eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
-      clock_(options.segment_started),
+      clock_(options.segment_started, options.gflop_per_second),
       observation_(environment_->spec().observation_size),
       action_(environment_->spec().action_size),
       episode_metrics_(components_.planner().metrics.size),
@@ -339,9 +339,10 @@ void Experiment::FinishUpdates() {
 
 void Experiment::RecordTimeUse() {
   const ActivityScope scope(&clock_, Activity::kRecording);
-  const ActivityClock::Seconds& seconds = clock_.Totals();
+  const ActivityClock::Use& use = clock_.Totals();
   for (std::size_t i = 0; i < kActivities; ++i) {
-    writer_->AddTimeUse(Signed(at_.env_step), results::kActivities[i], seconds[i]);
+    writer_->AddTimeUse({Signed(at_.env_step), results::kActivities[i], use.seconds[i],
+                         use.processor_seconds[i], use.gflop[i]});
   }
   writer_->TryCommit();
 }

@@ -45,7 +45,8 @@ class Experiment final : public Procedure {
     const std::atomic<std::uint32_t>* threads = nullptr;
     bool log_decisions = false;
     bool record_trees = false;                      // keep the training decisions' search trees
-    double segment_started = ActivityClock::Now();  // from when wall time is accounted
+    double segment_started = ActivityClock::Now();  // from when time is accounted
+    double gflop_per_second = 0;                    // of this machine: what processor time is worth
     CheckpointHeader header;                        // of every checkpoint, read by whoever resumes
   };
   // `writer` receives the rows; it must have an open segment.
@@ -60,7 +61,7 @@ class Experiment final : public Procedure {
   void Load(const Checkpoint& checkpoint) override;
 
   std::uint64_t env_step() const override { return at_.env_step; }
-  const ActivityClock::Seconds& TimeUse() { return clock_.Totals(); }
+  const ActivityClock::Use& TimeUse() { return clock_.Totals(); }
 
   // The trees of a training episode: of each decision whose planner reported one, TreeJson
   // with `env_step`. They are kept in a file in the run's folder, laid out as a checkpoint.

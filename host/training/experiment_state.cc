@@ -11,10 +11,18 @@
 namespace dreamsearch {
 namespace {
 
-constexpr PartName kPositionPart{"training", 1};
+constexpr PartName kPositionPart{"training", 2};
 constexpr PartName kReplayPart{"replay", 1};
 constexpr PartName kEpisodePart{"episode", 1};
 constexpr PartName kTreesPart{"trees", 1};
+
+// Of a StateWriter or a StateReader.
+template <typename Use, typename Part>
+void TimeUseFields(Use&& use, Part* part) {
+  part->Array("activity_seconds", use.seconds.data(), kActivities);
+  part->Array("activity_processor_seconds", use.processor_seconds.data(), kActivities);
+  part->Array("activity_gflop", use.gflop.data(), kActivities);
+}
 
 }  // namespace
 
@@ -139,8 +147,7 @@ void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
   checkpoint->Value(kHeaderPart, options_.header);
   checkpoint->Part(kPositionPart, [&](StateWriter* part) {
     Position(at_).Fields(part);
-    part->Array("activity_seconds", const_cast<ActivityClock&>(clock_).Totals().data(),
-                kActivities);
+    TimeUseFields(const_cast<ActivityClock&>(clock_).Totals(), part);
     (*part)("burst_metrics", &burst_metrics_);
   });
   SaveModel(*model_, spec_.model.name(), checkpoint);
@@ -174,9 +181,9 @@ void Experiment::Load(const Checkpoint& checkpoint) {
   checkpoint.Read(kPositionPart, [&](StateReader* part) {
     at_.Fields(part);
     if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
-    ActivityClock::Seconds seconds{};
-    part->Array("activity_seconds", seconds.data(), kActivities);
-    clock_.set_totals(seconds);
+    ActivityClock::Use use;
+    TimeUseFields(use, part);
+    clock_.set_totals(use);
     part->Array("burst_metrics", burst_metrics_.data(), burst_metrics_.size());
   });
   if (checkpoint.Has(kReplayPart)) {
@@ -223,8 +230,8 @@ results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {
   Position position;
   checkpoint.Read(kPositionPart, [&](StateReader* part) {
     position.Fields(part);
-    ActivityClock::Seconds seconds{};
-    part->Array("activity_seconds", seconds.data(), kActivities);
+    ActivityClock::Use use;
+    TimeUseFields(use, part);
     std::vector<double> burst_metrics;
     (*part)("burst_metrics", &burst_metrics);
   });

@@ -31,20 +31,25 @@ double Interpolate(const std::vector<std::pair<double, double>>& table, double x
   return below->second + share * (above->second - below->second);
 }
 
-// What a run has spent by an env_step, on the axis asked for.
+// What a run has spent by an env_step, on the axis asked for. Empty: it was not recorded.
 std::vector<std::pair<double, double>> Spent(Connection& db, std::int64_t run_id, CurveAxis axis) {
   std::vector<std::pair<double, double>> spent = {{0, 0}};
-  Statement rows =
-      axis == CurveAxis::kSeconds
-          // What the agent needed: neither evaluations nor recording.
-          ? db.Prepare(
-                "SELECT env_step, sum(seconds) FROM time_use WHERE run_id = ?1 AND activity"
-                " NOT IN ('evaluation', 'recording') GROUP BY env_step ORDER BY env_step")
-          : db.Prepare(
-                "SELECT env_step, sum(model_transitions) OVER (ORDER BY episode) FROM"
-                " episode WHERE run_id = ?1 AND phase = 0 ORDER BY episode");
+  // What the agent needed: neither evaluations nor recording.
+  const auto time = [&](const std::string& amount) {
+    return "SELECT env_step, " + amount +
+           " FROM time_use WHERE run_id = ?1 AND activity NOT IN ('evaluation', 'recording')"
+           " GROUP BY env_step ORDER BY env_step";
+  };
+  Statement rows = db.Prepare(axis == CurveAxis::kSeconds   ? time("sum(seconds)")
+                              : axis == CurveAxis::kCompute ? time("sum(gflop) / 3600")
+                                                            : "SELECT env_step,"
+                                                              " sum(model_transitions) OVER"
+                                                              " (ORDER BY episode) FROM episode"
+                                                              " WHERE run_id = ?1 AND phase = 0"
+                                                              " ORDER BY episode");
   rows.Bind(run_id);
   while (rows.Step()) {
+    if (rows.IsNull(1)) return {};
     const double step = rows.Real(0);
     if (step <= spent.back().first) {
       spent.back().second = rows.Real(1);
@@ -231,6 +236,13 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
         curve.x.assign(curve.env_step.begin(), curve.env_step.end());
       } else {
         const auto spent = Spent(db, run.run_id, request.axis);
+        if (spent.empty()) {
+          line.missing.push_back(line.task + ", " + line.label + ": seed " +
+                                 std::to_string(run.seed) +
+                                 " is left out: its processor time was not recorded.");
+          curve.env_step.clear();
+          curve.value.clear();
+        }
         for (const std::int64_t step : curve.env_step) {
           curve.x.push_back(Interpolate(spent, static_cast<double>(step)));
         }

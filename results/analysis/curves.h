@@ -12,7 +12,9 @@
 
 namespace dreamsearch::results {
 
-enum class CurveAxis { kSteps, kSeconds, kTransitions };
+// kCompute: core-minutes at 60 GFLOP/s, that is the processor seconds of a run times what a core
+// computes a second, over 3,600; one axis for machines of different speed.
+enum class CurveAxis { kSteps, kSeconds, kTransitions, kCompute };
 
 struct CurveRequest {
   RunFilter filter;

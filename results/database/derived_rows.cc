@@ -218,6 +218,11 @@ constexpr const char* kRecord[] = {
     " LEFT JOIN build b ON b.build_id = s.build_id WHERE s.run_id = ?1 ORDER BY s.segment",
     "SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, "
     "activity",
+    // Rows of runs before schema 6 have none of these.
+    "SELECT env_step, activity, processor_seconds, gflop FROM time_use WHERE run_id = ?1 AND"
+    " processor_seconds IS NOT NULL ORDER BY env_step, activity",
+    "SELECT segment, gflop_per_second FROM segment WHERE run_id = ?1 AND gflop_per_second IS NOT"
+    " NULL ORDER BY segment",
     "SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq",
     "SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
     " ORDER BY kind, env_step, sha256, bytes",

@@ -46,7 +46,8 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
       "INSERT INTO scalar (run_id, metric_id, env_step, value) VALUES (?1, ?2, ?3, ?4)"
       " ON CONFLICT DO UPDATE SET value = excluded.value");
   insert_time_use_ = connection_.Prepare(
-      "INSERT INTO time_use (run_id, env_step, activity, seconds) VALUES (?1, ?2, ?3, ?4)"
+      "INSERT INTO time_use (run_id, env_step, activity, seconds, processor_seconds, gflop)"
+      " VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
       " ON CONFLICT DO UPDATE SET seconds = excluded.seconds");
   insert_event_ = connection_.Prepare(
       "INSERT INTO event (run_id, seq, env_step, utc, level, kind, detail)"
@@ -97,12 +98,13 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
     connection_
         .Prepare(
             "INSERT INTO segment (run_id, segment, host_id, build_id, instruction_set, pid,"
-            " from_env_step, started_utc, rows_rolled_back, slurm_job)"
-            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)")
+            " from_env_step, started_utc, rows_rolled_back, slurm_job, gflop_per_second)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)")
         .Bind(run_id_, number, segment.host_id,
               segment.build_id != 0 ? std::optional(segment.build_id) : std::nullopt,
               segment.instruction_set, segment.pid, point.env_step, now, rolled_back,
-              segment.slurm_job.empty() ? std::nullopt : std::optional(segment.slurm_job))
+              segment.slurm_job.empty() ? std::nullopt : std::optional(segment.slurm_job),
+              segment.gflop_per_second > 0 ? std::optional(segment.gflop_per_second) : std::nullopt)
         .Run();
     connection_
         .Prepare(
@@ -205,14 +207,14 @@ void RunWriter::AddScalar(std::int64_t env_step, std::int64_t metric_id, double 
   RowAdded();
 }
 
-void RunWriter::AddTimeUse(std::int64_t env_step, const std::string& activity, double seconds) {
-  if (std::find(kActivities.begin(), kActivities.end(), activity) == kActivities.end()) {
-    throw Failure(ExitCode::kInternal, "no activity '" + activity +
+void RunWriter::AddTimeUse(const TimeUseRow& row) {
+  if (std::find(kActivities.begin(), kActivities.end(), row.activity) == kActivities.end()) {
+    throw Failure(ExitCode::kInternal, "no activity '" + row.activity +
                                            "'. Known: environment, planning, learning, evaluation, "
                                            "recording, other");
   }
-  CheckFinite(seconds, env_step, "time_use.seconds");
-  time_uses_.push_back({env_step, activity, seconds});
+  CheckFinite(row.seconds, row.env_step, "time_use.seconds");
+  time_uses_.push_back(row);
   RowAdded();
 }
 
@@ -311,7 +313,9 @@ void RunWriter::StoreRows(Stored* stored, RowSums* rows, std::int64_t* events) {
   ApplyChunks(connection_, run_id_, chunks);
 
   for (const TimeUseRow& row : time_uses_) {
-    insert_time_use_.Bind(run_id_, row.env_step, row.activity, row.seconds).Run();
+    insert_time_use_
+        .Bind(run_id_, row.env_step, row.activity, row.seconds, row.processor_seconds, row.gflop)
+        .Run();
   }
   if (!new_events_.empty()) {
     // The supervisor may have added some.

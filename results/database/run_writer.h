@@ -62,12 +62,24 @@ struct EpisodeRow {
   std::uint64_t digest = 0;            // EpisodeDigest::state()
 };
 
+// What a run has spent on an activity so far, in all its segments.
+struct TimeUseRow {
+  std::int64_t env_step = 0;
+  std::string activity;  // one of kActivities
+  double seconds = 0;    // of wall time
+  // Of all threads of the run's process, and what that time was worth: its product with the
+  // segment's gflop_per_second. Evaluations of a trained run do not record them.
+  std::optional<double> processor_seconds = std::nullopt;
+  std::optional<double> gflop = std::nullopt;
+};
+
 struct SegmentInfo {
   std::int64_t pid = 0;
   std::int64_t host_id = 0;
   std::int64_t build_id = 0;    // 0 when unknown
   std::string instruction_set;  // in use by this process
   std::string slurm_job;        // empty outside Slurm
+  double gflop_per_second = 0;  // of a large float product on one core, when it began
 };
 
 class RunWriter {
@@ -94,7 +106,7 @@ class RunWriter {
   void AddScalar(std::int64_t env_step, std::int64_t metric_id, double value);
   // Seconds of the whole run so far, over all its segments. `activity` is one of
   // environment, planning, learning, evaluation, recording, other.
-  void AddTimeUse(std::int64_t env_step, const std::string& activity, double seconds);
+  void AddTimeUse(const TimeUseRow& row);
   // level: info, warning or error; kind: a short snake_case name.
   void AddEvent(std::int64_t env_step, const std::string& level, const std::string& kind,
                 const std::string& detail);
@@ -134,11 +146,6 @@ class RunWriter {
   struct ScalarRow {
     std::int64_t env_step, metric_id;
     double value;
-  };
-  struct TimeUseRow {
-    std::int64_t env_step;
-    std::string activity;
-    double seconds;
   };
   struct EventRow {
     std::int64_t env_step;

@@ -303,7 +303,8 @@ GROUP BY r.run_id, e.phase;
 CREATE VIEW v_time AS
 SELECT s.name AS study, t.name AS task, r.planner, u.activity, avg(u.seconds) AS seconds,
        sum(u.seconds) AS seconds_of_all_runs, count(*) AS runs, avg(u.env_step) AS env_steps,
-       r.model, r.config_id
+       r.model, r.config_id, avg(u.processor_seconds) AS processor_seconds,
+       avg(u.gflop) / 3600 AS core_minutes
 FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
      JOIN time_use u ON u.run_id = r.run_id AND u.env_step =
        (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)
@@ -350,6 +351,13 @@ DROP TABLE chunk_digest;
 ALTER TABLE chunk_digest_2 RENAME TO chunk_digest;
 )sql";
 
+// What processor time was worth, so that runs of different machines have one axis.
+constexpr char kProcessorTime[] = R"sql(
+ALTER TABLE time_use ADD COLUMN processor_seconds REAL;
+ALTER TABLE time_use ADD COLUMN gflop REAL;
+ALTER TABLE segment ADD COLUMN gflop_per_second REAL;
+)sql";
+
 }  // namespace
 
 const std::vector<std::string>& Migrations() {
@@ -359,6 +367,7 @@ const std::vector<std::string>& Migrations() {
       "",  // views
       "",  // Evaluations without a parent left the views.
       "",  // v_matrix has a line for each configuration.
+      kProcessorTime,
   };
   return migrations;
 }

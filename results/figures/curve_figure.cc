@@ -113,6 +113,8 @@ std::string XLabel(CurveAxis axis) {
       return "seconds of a run, evaluation and recording left out";
     case CurveAxis::kTransitions:
       return "model transitions imagined by planning";
+    case CurveAxis::kCompute:
+      return "core-minutes at 60 GFLOP/s, evaluation and recording left out";
   }
   return "";
 }

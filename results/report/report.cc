@@ -224,7 +224,8 @@ std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
   CurveRequest curves = {.filter = request.filter, .published = request.published};
   std::vector<AxisLines> axes = {{CurveAxis::kSteps, "steps", "steps", {}},
                                  {CurveAxis::kTransitions, "transitions", "model transitions", {}},
-                                 {CurveAxis::kSeconds, "seconds", "seconds", {}}};
+                                 {CurveAxis::kSeconds, "seconds", "seconds", {}},
+                                 {CurveAxis::kCompute, "compute", "core-minutes", {}}};
   std::size_t group = 1;
   for (AxisLines& axis : axes) {
     curves.axis = axis.axis;

@@ -233,8 +233,9 @@ class Merger {
           "s.env_step,"
           " s.value FROM source.scalar s JOIN temp.metric_map m ON m.old = s.metric_id WHERE"
           " s.run_id = ?1 ORDER BY m.new, s.env_step",
-          "INSERT INTO main.time_use (run_id, env_step, activity, seconds) SELECT ?2, env_step,"
-          " activity, seconds FROM source.time_use WHERE run_id = ?1 ORDER BY env_step, activity",
+          "INSERT INTO main.time_use (run_id, env_step, activity, seconds, processor_seconds,"
+          " gflop) SELECT ?2, env_step, activity, seconds, processor_seconds, gflop FROM"
+          " source.time_use WHERE run_id = ?1 ORDER BY env_step, activity",
           "INSERT INTO main.event (run_id, seq, env_step, utc, level, kind, detail) SELECT ?2, seq,"
           " env_step, utc, level, kind, detail FROM source.event WHERE run_id = ?1 ORDER BY seq",
           "INSERT INTO main.chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"

@@ -1,27 +1,9 @@
 # What the libraries reach on this processor, for the yardstick and side by side with our
-# products: Eigen compiled for each instruction set, its namespace renamed so that the
-# linker keeps the copies apart, and oneDNN and libxsmm where they are installed.
-find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-get_target_property(eigen_includes Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
-set(eigen_objects)
-foreach(set IN ITEMS Baseline Avx2 Avx512)
-  add_library(eigen_product_${set} OBJECT eigen_product.cc)
-  target_include_directories(eigen_product_${set} SYSTEM PRIVATE ${eigen_includes})
-  target_compile_definitions(eigen_product_${set} PRIVATE
-    DREAMSEARCH_EIGEN_PRODUCT=Eigen${set} Eigen=Eigen_${set} EIGEN_DONT_PARALLELIZE)
-  target_link_libraries(eigen_product_${set} PRIVATE dreamsearch_flags)
-  # GCC 12 sees uninitialised values inside its own AVX-512 header.
-  target_compile_options(eigen_product_${set} PRIVATE
-    -O3 -Wno-maybe-uninitialized -Wno-uninitialized)
-  list(APPEND eigen_objects $<TARGET_OBJECTS:eigen_product_${set}>)
-endforeach()
-target_compile_options(eigen_product_Avx2 PRIVATE -mavx2 -mfma)
-target_compile_options(eigen_product_Avx512 PRIVATE
-  -mavx2 -mfma -mavx512f -mavx512bw -mavx512cd -mavx512dq -mavx512vl)
-
-add_library(dreamsearch_yardstick STATIC yardstick.cc ${eigen_objects})
+# products: Eigen as the runner has it, and oneDNN and libxsmm where they are installed.
+add_library(dreamsearch_yardstick STATIC yardstick.cc)
 target_include_directories(dreamsearch_yardstick PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
-target_link_libraries(dreamsearch_yardstick PUBLIC dreamsearch::sdk PRIVATE dreamsearch_flags)
+target_link_libraries(dreamsearch_yardstick PUBLIC dreamsearch::sdk
+                      PRIVATE dreamsearch_eigen_product dreamsearch_flags)
 # Debian's CMake package of oneDNN asks for OpenCL, which we do not need.
 find_library(DREAMSEARCH_ONEDNN dnnl NO_CACHE)
 find_path(DREAMSEARCH_ONEDNN_INCLUDE oneapi/dnnl/dnnl.h NO_CACHE)

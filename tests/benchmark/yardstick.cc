@@ -15,12 +15,9 @@
 
 #include "dreamsearch/instruction_set.h"
 #include "dreamsearch/random.h"
+#include "host/processes/eigen_product.h"
 
 namespace dreamsearch {
-
-void EigenBaseline(const float*, const float*, float*, std::int64_t, std::int64_t, std::int64_t);
-void EigenAvx2(const float*, const float*, float*, std::int64_t, std::int64_t, std::int64_t);
-void EigenAvx512(const float*, const float*, float*, std::int64_t, std::int64_t, std::int64_t);
 
 namespace {
 
@@ -38,9 +35,7 @@ double ThreadSeconds() {
 std::vector<LibraryProduct> FindProducts() {
   std::vector<LibraryProduct> products;
   const InstructionSet set = ChosenInstructionSet();
-  products.push_back({"Eigen", set >= InstructionSet::kAvx512 ? EigenAvx512
-                               : set == InstructionSet::kAvx2 ? EigenAvx2
-                                                              : EigenBaseline});
+  products.push_back({"Eigen", ChosenEigenProduct()});
 #ifdef DREAMSEARCH_HAVE_ONEDNN
   dnnl_set_max_cpu_isa(set >= InstructionSet::kAvx512 ? dnnl_cpu_isa_all
                        : set == InstructionSet::kAvx2 ? dnnl_cpu_isa_avx2

@@ -32,8 +32,9 @@ class CurvesTest : public testing::Test {
                          .env_step = value.env_step,
                          .episode_return = value.episode_return,
                          .model_transitions = 10});
-      writer.AddTimeUse(value.env_step, "learning", 0.01 * static_cast<double>(value.env_step));
-      writer.AddTimeUse(value.env_step, "evaluation", 1e6);
+      const double seconds = 0.01 * static_cast<double>(value.env_step);
+      writer.AddTimeUse({value.env_step, "learning", seconds, 2 * seconds, 120 * seconds});
+      writer.AddTimeUse({value.env_step, "evaluation", 1e6, 1e6, 1e8});
       writer.SetProgress(value.env_step);
     }
     writer.Finish();

@@ -119,6 +119,25 @@ TEST_F(CurvesTest, SecondsLeaveEvaluationOutAndAreInterpolated) {
   EXPECT_DOUBLE_EQ(line.runs[0].x[0], 15);
 }
 
+TEST_F(CurvesTest, ComputeIsCoreMinutesAtSixtyGflopASecond) {
+  AddRun({}, {{kTrain, 1000, 0}, {kTrain, 2000, 0}, {kSearch, 2000, 3}});
+  // 20 s of wall time: 40 processor seconds, and 2,400 GFLOP, on which a core that computes 60 a
+  // second would work for 40 s.
+  const Line line = ReadLines(databases_, {.axis = CurveAxis::kCompute})[0];
+  ASSERT_EQ(line.runs[0].x.size(), 1u);
+  EXPECT_DOUBLE_EQ(line.runs[0].x[0], 40.0 / 60);
+}
+
+TEST_F(CurvesTest, ARunWithoutProcessorTimeIsLeftOutOfTheComputeAxisAndSaidSo) {
+  AddRun({}, {{kTrain, 1000, 0}, {kSearch, 1000, 3}});
+  databases_[0]->connection().Execute("UPDATE time_use SET gflop = NULL");
+  const std::vector<Line> lines = ReadLines(databases_, {.axis = CurveAxis::kCompute});
+  EXPECT_TRUE(lines[0].runs[0].x.empty());
+  ASSERT_EQ(lines[0].missing.size(), 1u);
+  EXPECT_NE(lines[0].missing[0].find("seed 0 is left out"), std::string::npos);
+  EXPECT_EQ(ReadLines(databases_, {})[0].runs[0].x.size(), 1u);
+}
+
 TEST_F(CurvesTest, TransitionsAreThoseOfTrainingSoFar) {
   AddRun({}, {{kTrain, 1000, 0}, {kTrain, 2000, 0}, {kSearch, 2000, 3}});
   EXPECT_DOUBLE_EQ(ReadLines(databases_, {.axis = CurveAxis::kTransitions})[0].runs[0].x[0], 20);

@@ -226,7 +226,12 @@ TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
     const auto db = Database::OpenOrCreate(path);
     MakeRun(db.get(), {.seed = 0});
     MakeRun(db.get(), {.seed = 1});
-    db->connection().Execute("PRAGMA user_version = " + std::to_string(SchemaVersion() - 1));
+    db->connection().Execute(DropViews() +
+                             "; ALTER TABLE time_use DROP COLUMN processor_seconds;"
+                             " ALTER TABLE time_use DROP COLUMN gflop;"
+                             " ALTER TABLE segment DROP COLUMN gflop_per_second;"
+                             " PRAGMA user_version = " +
+                             std::to_string(SchemaVersion() - 1));
   }
   const auto beat = [&](const std::string& status, double seconds_ago) {
     Connection old(path, OpenMode::kReadWrite);
@@ -484,7 +489,7 @@ TEST(Database, DeletingARunDeletesAllItRecordedAndNothingElse) {
     writer.AddStep({.env_step = 2});
     writer.AddEpisode({.env_step = 2, .episode_return = 1});
     writer.AddScalar(2, writer.Metric("m"), 1);
-    writer.AddTimeUse(2, "other", 1);
+    writer.AddTimeUse({2, "other", 1});
     writer.AddEvent(2, "info", "x", "");
     writer.AddArtifact(db->path() + ".files/u/ckpt", "checkpoint", 2, 10, "00");
     writer.Commit();

@@ -33,7 +33,8 @@ void Record(Database* db, const RunSettings& settings, std::int64_t episodes,
                        .length = 10,
                        .episode_return = static_cast<double>(settings.seed * 10 + e) / 3});
     writer.AddScalar(e * 10 + 10, metric, 0.5);
-    writer.AddTimeUse(e * 10 + 10, "learning", static_cast<double>(e));
+    writer.AddTimeUse(
+        {e * 10 + 10, "learning", static_cast<double>(e), 2.0 * static_cast<double>(e), 5});
   }
   writer.AddArtifact(db->RunFolder(*db->GetRun(run)) + "/ckpt", "checkpoint", 10, 1, "00");
   writer.AddEvent(1, "info", "start", "of seed " + std::to_string(settings.seed));

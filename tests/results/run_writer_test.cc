@@ -43,7 +43,7 @@ class RunWriterTest : public testing::Test {
                             .episode_return = 1000 * std::sin(0.1 * static_cast<double>(episode)),
                             .digest = 1ull << 63 | static_cast<std::uint64_t>(episode)});
         writer->AddScalar(env_step, metric, 1.0 / static_cast<double>(env_step));
-        writer->AddTimeUse(env_step, "learning", static_cast<double>(env_step) / 100);
+        writer->AddTimeUse({env_step, "learning", static_cast<double>(env_step) / 100});
         if (env_step % 5000 == 0) Evaluate(writer, env_step);
         writer->SetProgress(env_step);
       }
@@ -404,8 +404,8 @@ TEST_F(RunWriterTest, AFailedCommitKeepsItsRows) {
 TEST_F(RunWriterTest, AnUnknownActivityOrLevelIsRefusedByName) {
   RunWriter writer(db_.get(), run_);
   writer.BeginSegment(MakeSegment(db_.get()));
-  EXPECT_THROW(writer.AddTimeUse(0, "sleeping", 1), Failure);
-  EXPECT_THROW(writer.AddTimeUse(0, "environment, planning", 1), Failure);
+  EXPECT_THROW(writer.AddTimeUse({0, "sleeping", 1}), Failure);
+  EXPECT_THROW(writer.AddTimeUse({0, "environment, planning", 1}), Failure);
   EXPECT_THROW(writer.AddEvent(0, "fatal", "x", ""), Failure);
   EXPECT_THROW(writer.AddScalar(0, 12345, 1), Failure);
 }

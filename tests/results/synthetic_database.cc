@@ -132,12 +132,12 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
     writer.AddScalar(step, loss, 3 + std::exp(-rate * static_cast<double>(step)));
     const double episodes = static_cast<double>(step) / 1000;
     if (step % every == 0) {
-      writer.AddTimeUse(step, "environment", 0.5 * episodes);
-      writer.AddTimeUse(step, "planning", 500 * plan_seconds * episodes);
-      writer.AddTimeUse(step, "learning", 3 * episodes);
-      writer.AddTimeUse(step, "evaluation", 0.3 * episodes);
-      writer.AddTimeUse(step, "recording", 0.01 * episodes);
-      writer.AddTimeUse(step, "other", 0.02 * episodes);
+      writer.AddTimeUse({step, "environment", 0.5 * episodes});
+      writer.AddTimeUse({step, "planning", 500 * plan_seconds * episodes});
+      writer.AddTimeUse({step, "learning", 3 * episodes});
+      writer.AddTimeUse({step, "evaluation", 0.3 * episodes});
+      writer.AddTimeUse({step, "recording", 0.01 * episodes});
+      writer.AddTimeUse({step, "other", 0.02 * episodes});
       evaluate(step);
     }
     writer.SetProgress(step);

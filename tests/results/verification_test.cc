@@ -137,7 +137,7 @@ TEST_F(VerificationTest, ARunThatGoesOnIsNotHeldToItsOldRecord) {
   db_->SetRunStatus(1, RunStatus::kInterrupted, 75);
   EXPECT_EQ(Problems(), 0u);
   // A commit after the supervisor has spoken.
-  writer.AddTimeUse(10000, "other", 1);
+  writer.AddTimeUse({10000, "other", 1});
   writer.Commit();
   EXPECT_EQ(Problems(), 0u);
 }

@@ -28,9 +28,9 @@ class ViewsTest : public testing::Test {
                          .length = 1000,
                          .episode_return = e.episode_return});
     }
-    writer.AddTimeUse(50, "planning", 1);
-    writer.AddTimeUse(100, "planning", 4.0 + static_cast<double>(settings.seed));
-    writer.AddTimeUse(100, "learning", 10);
+    writer.AddTimeUse({50, "planning", 1});
+    writer.AddTimeUse({100, "planning", 4.0 + static_cast<double>(settings.seed)});
+    writer.AddTimeUse({100, "learning", 10});
     writer.Commit();
     return run;
   }

@@ -1,5 +1,5 @@
-// Eigen's product, compiled once for each instruction set. CMakeLists.txt renames Eigen's
-// namespace for each, so that the linker keeps the copies apart.
+// Compiled once for each instruction set. CMakeLists.txt renames Eigen's namespace for each, so
+// that the linker keeps the copies apart.
 #include <Eigen/Core>
 #include <cstdint>
 
