@@ -1,6 +1,7 @@
 #include "results/analysis/comparison.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -35,12 +36,44 @@ std::string RunsText(const Contender& contender) {
   return RunsText(least, most);
 }
 
+namespace {
+
+Contrasts ContrastsOf(const Contender& x, const Contender& y, const ComparisonRequest& request) {
+  const auto seed = [&](const char* name) {
+    return StreamSeed(request.seed, name + (" " + x.label) + " over " + y.label);
+  };
+  const auto estimate = [&](Contrast contrast, const Scores& of_x, const Scores& of_y,
+                            const char* name) {
+    return ContrastEstimate(contrast, of_x, of_y, request.profile_repetitions, seed(name));
+  };
+  Contrasts contrasts;
+  contrasts.improvement = Improvement(x.scores, y.scores, request.repetitions, seed("improvement"));
+  contrasts.difference = estimate(MeanDifference, x.scores, y.scores, "difference");
+  contrasts.spread_difference = estimate(SpreadDifference, x.scores, y.scores, "spread");
+  if (!x.costs.empty() && !y.costs.empty()) {
+    contrasts.cost_ratio = estimate(MeanRatio, x.costs, y.costs, "cost");
+  }
+  return contrasts;
+}
+
+}  // namespace
+
+std::string Contrasts::Verdict() const {
+  if (!difference.interval) return "too few runs";
+  const auto [lo, hi] = *difference.interval;
+  if (-kMatch <= lo && hi <= kMatch) return "they match";
+  if (lo > 0) return "X is better";
+  if (hi < 0) return "X is worse";
+  return "cannot tell";
+}
+
 Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
                    const ComparisonRequest& request) {
   const std::vector<RunGroup> groups = GroupRuns(databases, request.filter, request.phase);
   if (groups.empty()) throw Failure(ExitCode::kNotFound, NothingToGroup(databases, request.filter));
   Comparison comparison;
-  std::map<std::string, std::map<std::string, std::vector<double>>> scores;  // label, task
+  std::map<std::string, std::map<std::string, std::vector<double>>> scores, costs;  // label, task
+  std::set<std::string> without_costs;
   std::set<std::string> all_tasks;
   for (const RunGroup& group : groups) {
     all_tasks.insert(group.task);
@@ -72,6 +105,16 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
                                    std::to_string(score.Int(1) - score.Int(2)) + " of its " +
                                    Counted(static_cast<std::uint64_t>(score.Int(1)), "episode") +
                                    ", whose return was not finite.");
+      }
+      Statement cost = database->connection().Prepare(
+          "SELECT sum(gflop) / 3600, count(*) - count(gflop) FROM time_use WHERE run_id = ?1 AND"
+          " activity NOT IN ('evaluation', 'recording') AND env_step ="
+          " (SELECT max(env_step) FROM time_use WHERE run_id = ?1 AND env_step <= ?2)");
+      cost.Bind(run.run_id, at).Step();
+      if (cost.IsNull(0) || cost.Int(1) > 0 || !(cost.Real(0) > 0)) {
+        without_costs.insert(group.label);
+      } else {
+        costs[group.label][group.task].push_back(cost.Real(0));
       }
       scores[group.label][group.task].push_back((score.Real(0) - *group.return_low) /
                                                 (*group.return_high - *group.return_low));
@@ -111,9 +154,12 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
     contender.label = label;
     for (const std::string& task : comparison.tasks) {
       contender.scores.push_back(scores[label][task]);
+      if (without_costs.count(label) == 0) contender.costs.push_back(costs[label][task]);
     }
     contender.aggregates = Aggregate(contender.scores, request.repetitions,
                                      StreamSeed(request.seed, "aggregates " + label));
+    contender.spread = SpreadEstimate(contender.scores, request.profile_repetitions,
+                                      StreamSeed(request.seed, "spread " + label));
     contender.profile = Profile(contender.scores, comparison.taus, request.profile_repetitions,
                                 StreamSeed(request.seed, "profile " + label));
     const double distinct = DistinctResamples(contender.scores);
@@ -133,12 +179,9 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
     }
   }
   for (const Contender& x : comparison.contenders) {
-    std::vector<Estimate>& row = comparison.improvement.emplace_back();
+    std::vector<Contrasts>& row = comparison.contrasts.emplace_back();
     for (const Contender& y : comparison.contenders) {
-      row.push_back(&x == &y ? Estimate{0.5, std::nullopt}
-                             : Improvement(x.scores, y.scores, request.repetitions,
-                                           StreamSeed(request.seed, "improvement " + x.label +
-                                                                        " over " + y.label)));
+      row.push_back(&x == &y ? Contrasts{} : ContrastsOf(x, y, request));
     }
   }
   return comparison;
@@ -176,7 +219,7 @@ Table ScoreTable(const Comparison& comparison) {
 namespace {
 
 void AddEstimate(const Estimate& estimate, std::vector<Cell>* row) {
-  row->emplace_back(estimate.value);
+  row->push_back(std::isfinite(estimate.value) ? Cell(estimate.value) : Cell());
   row->push_back(estimate.interval ? Cell(estimate.interval->lo) : Cell());
   row->push_back(estimate.interval ? Cell(estimate.interval->hi) : Cell());
 }
@@ -197,6 +240,11 @@ Table AggregateTable(const Comparison& comparison) {
       AddEstimate(contender.aggregates.*estimate, &row);
     }
   }
+  for (const Contender& contender : comparison.contenders) {
+    auto& row = table.rows.emplace_back();
+    row = {std::string("spread over seeds"), contender.label, RunsText(contender).substr(4)};
+    AddEstimate(contender.spread, &row);
+  }
   return table;
 }
 
@@ -207,7 +255,26 @@ Table ImprovementTable(const Comparison& comparison) {
       if (x == y) continue;
       auto& row = table.rows.emplace_back();
       row = {comparison.contenders[x].label, comparison.contenders[y].label};
-      AddEstimate(comparison.improvement[x][y], &row);
+      AddEstimate(comparison.contrasts[x][y].improvement, &row);
+    }
+  }
+  return table;
+}
+
+Table ContrastTable(const Comparison& comparison) {
+  Table table = {{"X", "Y", "X against Y", "value", "95 % from", "to", "so"}, {}};
+  for (std::size_t x = 0; x < comparison.contenders.size(); ++x) {
+    for (std::size_t y = x + 1; y < comparison.contenders.size(); ++y) {
+      const Contrasts& contrasts = comparison.contrasts[x][y];
+      const auto add = [&](const char* name, const Estimate& estimate, const std::string& verdict) {
+        auto& row = table.rows.emplace_back();
+        row = {comparison.contenders[x].label, comparison.contenders[y].label, std::string(name)};
+        AddEstimate(estimate, &row);
+        row.emplace_back(verdict);
+      };
+      add("difference of scores", contrasts.difference, contrasts.Verdict());
+      add("difference of spreads", contrasts.spread_difference, "");
+      if (contrasts.cost_ratio) add("ratio of costs", *contrasts.cost_ratio, "");
     }
   }
   return table;
@@ -216,7 +283,8 @@ Table ImprovementTable(const Comparison& comparison) {
 std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest& request) {
   using nlohmann::ordered_json;
   const auto number = [](const Estimate& estimate) {
-    ordered_json json = {{"value", estimate.value}, {"lo", nullptr}, {"hi", nullptr}};
+    ordered_json json = {{"value", nullptr}, {"lo", nullptr}, {"hi", nullptr}};
+    if (std::isfinite(estimate.value)) json["value"] = estimate.value;
     if (estimate.interval) {
       json["lo"] = estimate.interval->lo;
       json["hi"] = estimate.interval->hi;
@@ -241,18 +309,31 @@ std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest
     for (const auto& [name, estimate] : kAggregates) {
       item[name] = number(contender.aggregates.*estimate);
     }
+    item["spread"] = number(contender.spread);
+    for (std::size_t t = 0; t < contender.costs.size(); ++t) {
+      item["core_minutes"][comparison.tasks[t]] = contender.costs[t];
+    }
     item["profile"] = ordered_json::array();
     for (const Estimate& estimate : contender.profile) item["profile"].push_back(number(estimate));
     json["planners"].push_back(std::move(item));
   }
   json["improvement"] = ordered_json::array();
+  json["contrasts"] = ordered_json::array();
   for (std::size_t x = 0; x < comparison.contenders.size(); ++x) {
     for (std::size_t y = 0; y < comparison.contenders.size(); ++y) {
       if (x == y) continue;
+      const Contrasts& contrasts = comparison.contrasts[x][y];
       ordered_json item = {{"x", comparison.contenders[x].label},
                            {"y", comparison.contenders[y].label}};
-      item.update(number(comparison.improvement[x][y]));
+      ordered_json contrast = item;
+      item.update(number(contrasts.improvement));
       json["improvement"].push_back(std::move(item));
+      contrast["difference"] = number(contrasts.difference);
+      contrast["spread_difference"] = number(contrasts.spread_difference);
+      contrast["cost_ratio"] =
+          contrasts.cost_ratio ? number(*contrasts.cost_ratio) : ordered_json();
+      contrast["verdict"] = contrasts.Verdict();
+      json["contrasts"].push_back(std::move(contrast));
     }
   }
   return JsonTextReplacing(json, 2) + "\n";

@@ -24,18 +24,36 @@ struct ComparisonRequest {
   std::uint64_t seed = 0;  // of the bootstrap
 };
 
+// How far apart, normalised, two planners may be that match each other.
+inline constexpr double kMatch = 0.05;
+
+// X against Y.
+struct Contrasts {
+  Estimate improvement;        // P(X > Y)
+  Estimate difference;         // of the mean scores
+  Estimate spread_difference;  // of the spreads over seeds
+  // Of what runs cost, evaluation and recording left out; none where that was not recorded.
+  std::optional<Estimate> cost_ratio;
+
+  // What the interval of the difference says: "X is better", "X is worse", "they match" (it lies
+  // within kMatch of 0), "cannot tell", "too few runs".
+  std::string Verdict() const;
+};
+
 // One planner (with what tells it from others) on the compared tasks.
 struct Contender {
   std::string label;
   Scores scores;  // [task][run], normalised
+  Scores costs;   // of the same runs: core-minutes at 60 GFLOP/s; empty: of some not recorded
   Aggregates aggregates;
+  Estimate spread;
   std::vector<Estimate> profile;  // at Comparison::taus
 };
 
 struct Comparison {
   std::vector<std::string> tasks;  // those that every contender has a score on
   std::vector<Contender> contenders;
-  std::vector<std::vector<Estimate>> improvement;  // [x][y]: P(x > y); unset for x = y
+  std::vector<std::vector<Contrasts>> contrasts;  // [x][y]; unset for x = y
   std::vector<double> taus;
   // What was left out and why, and how far the intervals can be trusted.
   std::vector<std::string> notes;
@@ -47,9 +65,11 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
 
 // Score by task and planner: mean, least and greatest run, n.
 Table ScoreTable(const Comparison& comparison);
-// Mean, median, interquartile mean and optimality gap with intervals.
+// Mean, median, interquartile mean, optimality gap and spread with intervals.
 Table AggregateTable(const Comparison& comparison);
 Table ImprovementTable(const Comparison& comparison);
+// Differences of score and spread and the ratio of costs, of each pair once.
+Table ContrastTable(const Comparison& comparison);
 // Everything, the single scores included, as JSON.
 std::string ComparisonJson(const Comparison& comparison, const ComparisonRequest& request);
 

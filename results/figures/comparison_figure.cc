@@ -109,7 +109,7 @@ Figure ImprovementFigure(const Comparison& comparison) {
     for (std::size_t y = 0; y < x; ++y) {
       pairs.emplace_back(ShortLabel(comparison.contenders[x].label) + " > " +
                              ShortLabel(comparison.contenders[y].label),
-                         &comparison.improvement[x][y]);
+                         &comparison.contrasts[x][y].improvement);
     }
   }
   for (std::size_t i = pairs.size(); i-- > 0;) {

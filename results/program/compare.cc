@@ -30,6 +30,12 @@ std::string Document(const Comparison& comparison, const ComparisonRequest& requ
   text += AggregateTable(comparison).Print(form) + "\n";
   text += heading("Probability of improvement");
   text += ImprovementTable(comparison).Print(form);
+  if (comparison.contenders.size() > 1) {
+    text += "\n" + heading(
+                       "Contrasts (two planners match if the interval of their difference lies "
+                       "within 0.05 of 0; costs in core-minutes, without evaluation)");
+    text += ContrastTable(comparison).Print(form);
+  }
   if (!comparison.notes.empty()) {
     text += "\n" + heading("Notes");
     for (const std::string& note : comparison.notes) {

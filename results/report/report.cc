@@ -134,6 +134,11 @@ std::string Comparisons(const std::vector<std::unique_ptr<Database>>& databases,
                       "Probability that a run of X scores higher than one of Y");
     html += Picture(ImprovementFigure(comparison),
                     "Probability of improvement; the table has the numbers");
+    html +=
+        HtmlTable(ContrastTable(comparison),
+                  "Differences of normalised scores and of their spreads over seeds, and ratios of "
+                  "costs in core-minutes; two planners match if the interval of their difference "
+                  "lies within 0.05 of 0");
   }
   html += Picture(ProfileFigure(comparison), "Performance profiles");
   html += Folded("Scores by task", HtmlTable(ScoreTable(comparison), "Normalised scores"));

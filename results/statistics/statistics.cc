@@ -165,6 +165,29 @@ double ImprovementProbability(const Scores& x, const Scores& y) {
   return sum / static_cast<double>(x.size());
 }
 
+double Spread(const Scores& scores) {
+  double sum = 0;
+  for (const std::vector<double>& runs : scores) {
+    const double mean = MeanScore({runs});
+    double squares = 0;
+    for (const double score : runs) squares += (score - mean) * (score - mean);
+    sum += std::sqrt(squares / (static_cast<double>(runs.size()) - 1));
+  }
+  return sum / static_cast<double>(scores.size());
+}
+
+double MeanDifference(const Scores& x, const Scores& y) { return MeanScore(x) - MeanScore(y); }
+
+double SpreadDifference(const Scores& x, const Scores& y) { return Spread(x) - Spread(y); }
+
+double MeanRatio(const Scores& x, const Scores& y) {
+  double sum = 0;
+  for (std::size_t task = 0; task < x.size(); ++task) {
+    sum += std::log(MeanScore({x[task]}) / MeanScore({y[task]}));
+  }
+  return std::exp(sum / static_cast<double>(x.size()));
+}
+
 double PerformanceProfile(const Scores& scores, double tau) {
   std::size_t above = 0;
   for (const std::vector<double>& runs : scores) {
@@ -263,6 +286,44 @@ Estimate Improvement(const Scores& x, const Scores& y, int repetitions, std::uin
       sum += task_wins / (static_cast<double>(n_x) * n_y);
     }
     values.push_back(sum / static_cast<double>(x.size()));
+  }
+  estimate.interval = PercentileInterval(&values);
+  return estimate;
+}
+
+namespace {
+
+// The scores of one repetition.
+Scores Drawn(const Scores& scores, Generator* generator) {
+  Scores drawn = scores;
+  for (std::size_t task = 0; task < scores.size(); ++task) {
+    const auto n = static_cast<std::uint32_t>(scores[task].size());
+    for (double& score : drawn[task]) score = scores[task][generator->Below(n)];
+  }
+  return drawn;
+}
+
+}  // namespace
+
+Estimate SpreadEstimate(const Scores& scores, int repetitions, std::uint64_t seed) {
+  Estimate estimate = {Spread(scores), std::nullopt};
+  if (!HasInterval(scores)) return estimate;
+  Generator generator(seed);
+  std::vector<double> values;
+  for (int i = 0; i < repetitions; ++i) values.push_back(Spread(Drawn(scores, &generator)));
+  estimate.interval = PercentileInterval(&values);
+  return estimate;
+}
+
+Estimate ContrastEstimate(Contrast contrast, const Scores& x, const Scores& y, int repetitions,
+                          std::uint64_t seed) {
+  Estimate estimate = {contrast(x, y), std::nullopt};
+  if (!HasInterval(x) || !HasInterval(y)) return estimate;
+  Generator generator(seed);
+  std::vector<double> values;
+  for (int i = 0; i < repetitions; ++i) {
+    const Scores drawn_x = Drawn(x, &generator);
+    values.push_back(contrast(drawn_x, Drawn(y, &generator)));
   }
   estimate.interval = PercentileInterval(&values);
   return estimate;

@@ -29,6 +29,18 @@ double OptimalityGap(const Scores& scores);
 // P(X > Y): the mean over tasks of Mann and Whitney's U / (n_X n_Y), a tie being
 // one half. x and y have the same tasks.
 double ImprovementProbability(const Scores& x, const Scores& y);
+// Mean over tasks of the standard deviation over a task's runs, n - 1 in the denominator; NaN
+// where a task has one run.
+double Spread(const Scores& scores);
+
+// What compares two algorithms; x and y have the same tasks.
+using Contrast = double (*)(const Scores& x, const Scores& y);
+// MeanScore(x) - MeanScore(y), and the same of the spreads.
+double MeanDifference(const Scores& x, const Scores& y);
+double SpreadDifference(const Scores& x, const Scores& y);
+// Of positive numbers: geometric mean over tasks of the ratio of the means over runs.
+double MeanRatio(const Scores& x, const Scores& y);
+
 // Share of all runs whose score is greater than tau.
 double PerformanceProfile(const Scores& scores, double tau);
 
@@ -57,6 +69,9 @@ inline constexpr int kProfileRepetitions = 2000;
 
 Aggregates Aggregate(const Scores& scores, int repetitions, std::uint64_t seed);
 Estimate Improvement(const Scores& x, const Scores& y, int repetitions, std::uint64_t seed);
+Estimate SpreadEstimate(const Scores& scores, int repetitions, std::uint64_t seed);
+Estimate ContrastEstimate(Contrast contrast, const Scores& x, const Scores& y, int repetitions,
+                          std::uint64_t seed);
 // One estimate for each tau.
 std::vector<Estimate> Profile(const Scores& scores, const std::vector<double>& taus,
                               int repetitions, std::uint64_t seed);

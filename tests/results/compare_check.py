@@ -35,12 +35,14 @@ def check(what, found, expected, tolerance):
               f" (seed {seed_of_check})")
 
 
-def check_interval(what, found, values):
+def check_interval(what, found, values, found_repetitions=None):
     """The ends lie where the check's own repetitions have these quantiles: a share of
-    R draws is known to sqrt(q (1 - q) / R), and four of these are allowed."""
+    R draws is known to sqrt(q (1 - q) / R), and four of these are allowed. What was found with
+    no more repetitions than ours is not better known itself."""
     global failures
     for end, q in (("lo", 0.025), ("hi", 0.975)):
-        error = 4 * np.sqrt(q * (1 - q) / len(values))
+        draws = 1 / len(values) + (1 / found_repetitions if found_repetitions else 0)
+        error = 4 * np.sqrt(q * (1 - q) * draws)
         low, high = np.quantile(values, [max(q - error, 0), min(q + error, 1)])
         if not low - 1e-12 <= found[end] <= high + 1e-12:
             failures += 1
@@ -121,6 +123,35 @@ for item in found["improvement"]:
     check(f"P({item['x']} > {item['y']})", item["value"], improvement(x, y), 1e-12)
     check_interval(f"P({item['x']} > {item['y']})", item, np.array(
         [improvement_by_pairs(resample(x), resample(y)) for _ in range(repetitions)]))
+
+def spread(matrix):
+    return np.mean([runs.std(ddof=1) for runs in matrix])
+
+
+def mean(matrix):
+    return np.mean([runs.mean() for runs in matrix])
+
+
+for item in found["planners"]:
+    matrix = matrices[item["planner"]]
+    check(f"{item['planner']} spread", item["spread"]["value"], spread(matrix), 1e-12)
+    check_interval(f"{item['planner']} spread", item["spread"],
+                   np.array([spread(resample(matrix)) for _ in range(repetitions)]),
+                   found["profile_repetitions"])
+for item in found["contrasts"]:
+    x, y = matrices[item["x"]], matrices[item["y"]]
+    for name, function in (("difference", mean), ("spread_difference", spread)):
+        what = f"{name} of {item['x']} and {item['y']}"
+        check(what, item[name]["value"], function(x) - function(y), 1e-12)
+        check_interval(what, item[name], np.array(
+            [function(resample(x)) - function(resample(y)) for _ in range(repetitions)]),
+            found["profile_repetitions"])
+    low, high = item["difference"]["lo"], item["difference"]["hi"]
+    verdict = ("they match" if low >= -0.05 and high <= 0.05 else "X is better" if low > 0
+               else "X is worse" if high < 0 else "cannot tell")
+    if verdict != item["verdict"]:
+        failures += 1
+        print(f"{item['x']} and {item['y']}: found {item['verdict']!r}, expected {verdict!r}")
 
 print(f"{failures} differences over {len(found['tasks'])} tasks and"
       f" {len(found['planners'])} planners")

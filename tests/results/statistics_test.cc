@@ -41,6 +41,37 @@ TEST(Statistics, ImprovementIsMannWhitneysUWithTiesOneHalf) {
   EXPECT_NEAR(ImprovementProbability({{1, 1}}, {{1, 1}}), 0.5, kTolerance);
 }
 
+TEST(Statistics, TheSpreadIsTheMeanOverTasksOfTheDeviationOverRuns) {
+  // Deviations 1 and sqrt(((3 - 5)^2 + (7 - 5)^2) / 1).
+  EXPECT_NEAR(Spread({{1, 2, 3}, {3, 7}}), (1 + std::sqrt(8.0)) / 2, kTolerance);
+  EXPECT_TRUE(std::isnan(Spread({{1, 2, 3}, {3}})));
+  EXPECT_EQ(Spread({{4, 4, 4}}), 0);
+}
+
+TEST(Statistics, ContrastsCompareMeansSpreadsAndCosts) {
+  const Scores x = {{1, 2, 3}, {8, 8, 8}}, y = {{1, 1, 1}, {1, 2, 3}};
+  EXPECT_NEAR(MeanDifference(x, y), 5 - 1.5, kTolerance);
+  EXPECT_NEAR(SpreadDifference(x, y), 0, kTolerance);
+  EXPECT_NEAR(MeanRatio(x, y), std::sqrt(2.0 * 4.0), kTolerance);
+}
+
+TEST(Statistics, AContrastOfConstantsHasAnIntervalWithoutWidth) {
+  const Estimate estimate = ContrastEstimate(MeanDifference, {{3, 3, 3}}, {{1, 1, 1}}, 100, 7);
+  ASSERT_TRUE(estimate.interval);
+  EXPECT_EQ(estimate.interval->lo, 2);
+  EXPECT_EQ(estimate.interval->hi, 2);
+  EXPECT_FALSE(ContrastEstimate(MeanDifference, {{3, 3}}, {{1, 1, 1}}, 100, 7).interval);
+}
+
+// Of three runs 0, 0, 3 a resample has a mean of 3 with probability 1/27 and one of 0 with 8/27, so
+// the interval of 95 % reaches from 0 to 3.
+TEST(Statistics, AContrastResamplesRunsWithinTheirTask) {
+  const Estimate estimate = ContrastEstimate(MeanDifference, {{0, 0, 3}}, {{1, 1, 1}}, 5000, 7);
+  EXPECT_EQ(estimate.interval->lo, -1);
+  EXPECT_EQ(estimate.interval->hi, 2);
+  EXPECT_EQ(estimate.value, 0);
+}
+
 TEST(Statistics, TheProfileCountsScoresStrictlyAbove) {
   const Scores scores = {{0.2, 0.5}, {0.5, 0.9}};
   EXPECT_NEAR(PerformanceProfile(scores, 0.1), 1, kTolerance);
