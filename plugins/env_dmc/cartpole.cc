@@ -2,7 +2,6 @@
 #include <numbers>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

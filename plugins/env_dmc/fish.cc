@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -3,7 +3,6 @@
 #include <limits>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -3,7 +3,6 @@
 #include <numbers>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -1,6 +1,5 @@
 // point_mass.cc - point_mass_easy.
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -4,7 +4,6 @@
 #include <string>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -1,9 +1,21 @@
 // tasks.h - the list of all tasks; one file a domain makes them.
 #pragma once
 
-#include "control_task.h"
+#include "model_files.h"
+#include "plugins/mujoco/control_task.h"
+#include "plugins/mujoco/tolerance.h"
 
 namespace dreamsearch::dmc {
+
+using mujoco::ControlTask;
+using mujoco::DataPtr;
+using mujoco::EngineError;
+using mujoco::Falloff;
+using mujoco::ModelPtr;
+using mujoco::NumpyRandom;
+using mujoco::QuaternionNorm;
+using mujoco::Tolerance;
+using enum mujoco::MatrixEntry;
 
 // Each makes a new instance, which its Destroy() ends.
 //   EngineError  the model does not compile (a defect of this plugin).

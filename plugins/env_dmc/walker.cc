@@ -2,7 +2,6 @@
 #include <limits>
 
 #include "tasks.h"
-#include "tolerance.h"
 
 namespace dreamsearch::dmc {
 namespace {

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "numpy_random.h"
+#include "plugins/mujoco/numpy_random.h"
 #include "tasks.h"
 
 namespace dreamsearch::dmc {

@@ -1,5 +1,5 @@
 // Compiling models: what they may refer to, and what becomes of a bad one.
-#include "engine.h"
+#include "plugins/mujoco/engine.h"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +9,13 @@
 
 namespace dreamsearch::dmc {
 namespace {
+
+using mujoco::EngineError;
+using mujoco::ModelPtr;
+
+ModelPtr CompileModel(const std::string& name, const std::string& mjcf) {
+  return mujoco::CompileModel(name, mjcf, ModelFiles());
+}
 
 // The model's text with one asset or include.
 std::string WithAsset(const std::string& asset) {

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "numpy_random.h"
+#include "plugins/mujoco/numpy_random.h"
 #include "reference_data.h"
 
 namespace dreamsearch::dmc {

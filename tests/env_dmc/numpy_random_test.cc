@@ -1,8 +1,8 @@
-#include "numpy_random.h"
+#include "plugins/mujoco/numpy_random.h"
 
 #include <gtest/gtest.h>
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 namespace {
 
 // Values that numpy.random.RandomState(0) prints.
@@ -33,4 +33,4 @@ TEST(NumpyRandom, UniformDrawsLeaveTheKeptNormalAlone) {
 }
 
 }  // namespace
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

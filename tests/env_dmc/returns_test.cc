@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "kolmogorov_smirnov.h"
-#include "numpy_random.h"
+#include "plugins/mujoco/numpy_random.h"
 #include "reference_data.h"
 
 namespace dreamsearch::dmc {

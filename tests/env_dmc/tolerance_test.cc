@@ -1,4 +1,4 @@
-#include "tolerance.h"
+#include "plugins/mujoco/tolerance.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 
 enum class Falloff {
   kGaussian,
@@ -103,4 +103,4 @@ class Tolerance {
   Falloff falloff_;
 };
 
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

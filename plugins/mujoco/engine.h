@@ -10,10 +10,12 @@
 #include <mujoco/mujoco.h>
 
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 
 // The engine called mju_error, or refused a model.
 struct EngineError : std::runtime_error {
@@ -33,19 +35,23 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 // must have been called before any other use of the engine.
 void InstallEngineHandlers();
 
+// A file that a model may refer to, held in memory.
+struct ModelFile {
+  std::string_view name;  // without a folder: "walker.xml"
+  std::string_view bytes;
+};
+
 // Compiles MJCF text under the name it should have in messages. It may refer to
-// files of models/ by their bare name and to nothing else: a path, absolute or
-// relative, a texture folder or a mesh folder is refused before the engine sees
-// it, so no model reaches a file of the machine.
+// `files` by their bare name and to nothing else: a path, absolute or relative, a
+// texture folder or a mesh folder is refused before the engine sees it, so no model
+// reaches a file of the machine.
 //   EngineError  the text refers to a file it may not use, or does not compile.
-ModelPtr CompileModel(const std::string& name, const std::string& mjcf);
+ModelPtr CompileModel(const std::string& name, std::string_view mjcf,
+                      std::span<const ModelFile> files);
 
 // A copy of a model of one's own (tasks write to it). The first call for a name
 // compiles `mjcf`, later ones copy. Safe to call from several threads.
-ModelPtr CopyOfCompiled(const std::string& name, const std::string& mjcf);
+ModelPtr CopyOfCompiled(const std::string& name, std::string_view mjcf,
+                        std::span<const ModelFile> files);
 
-// The text of a file of models/.
-//   EngineError  there is none of that name.
-std::string ModelText(const std::string& file);
-
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

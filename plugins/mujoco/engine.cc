@@ -1,23 +1,19 @@
-#include "engine.h"
+#include "plugins/mujoco/engine.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cstring>
 #include <map>
 #include <mutex>
 
-#include "model_files.h"
-
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 namespace {
 
 void ThrowEngineError(const char* message) { throw EngineError(message); }
 void IgnoreEngineWarning(const char*) {}  // mjData.warning counts it
 
-bool IsModelFile(const std::string& name) {
-  for (const ModelFile& file : ModelFiles()) {
-    if (name == file.name) return true;
-  }
-  return false;
+bool IsAmong(std::span<const ModelFile> files, std::string_view name) {
+  return std::ranges::any_of(files, [name](const ModelFile& file) { return file.name == name; });
 }
 
 bool IsNameCharacter(char c) {
@@ -26,13 +22,14 @@ bool IsNameCharacter(char c) {
 
 // Looks at every `name="value"` of the text, comments included: what an XML
 // parser might skip is then refused rather than missed.
-void CheckFileReferences(const std::string& name, const std::string& mjcf) {
+void CheckFileReferences(const std::string& name, std::string_view mjcf,
+                         std::span<const ModelFile> files) {
   for (std::size_t i = mjcf.find('='); i != std::string::npos; i = mjcf.find('=', i + 1)) {
     std::size_t end = i;
     while (end > 0 && std::isspace(static_cast<unsigned char>(mjcf[end - 1]))) --end;
     std::size_t begin = end;
     while (begin > 0 && IsNameCharacter(mjcf[begin - 1])) --begin;
-    const std::string attribute = mjcf.substr(begin, end - begin);
+    const std::string attribute(mjcf.substr(begin, end - begin));
     const bool is_file = attribute.starts_with("file");  // file, fileup, ..., filename
     const bool is_folder = attribute.size() > 3 && attribute.ends_with("dir");  // meshdir, ...
     if (!is_file && !is_folder) continue;
@@ -42,7 +39,7 @@ void CheckFileReferences(const std::string& name, const std::string& mjcf) {
     if (open < mjcf.size() && (mjcf[open] == '"' || mjcf[open] == '\'')) {
       value = mjcf.substr(open + 1, mjcf.find(mjcf[open], open + 1) - open - 1);
     }
-    if (is_folder || !IsModelFile(value)) {
+    if (is_folder || !IsAmong(files, value)) {
       throw EngineError("model '" + name + "' refers to " + attribute + "=\"" + value +
                         "\"; it may refer only to the plugin's own model files, by bare name");
     }
@@ -57,7 +54,7 @@ struct VfsDeleter {
 };
 using VfsPtr = std::unique_ptr<mjVFS, VfsDeleter>;
 
-void AddFile(mjVFS* vfs, const std::string& file, const std::string& text) {
+void AddFile(mjVFS* vfs, const std::string& file, std::string_view text) {
   if (text.empty()) throw EngineError("'" + file + "' is empty");
   if (mj_makeEmptyFileVFS(vfs, file.c_str(), static_cast<int>(text.size())) != 0) {
     throw EngineError("cannot hold '" + file + "' in memory");
@@ -65,11 +62,11 @@ void AddFile(mjVFS* vfs, const std::string& file, const std::string& text) {
   std::memcpy(vfs->filedata[mj_findFileVFS(vfs, file.c_str())], text.data(), text.size());
 }
 
-// All files of models/, for the engine to find by name.
-VfsPtr FilesInMemory() {
+// `files`, for the engine to find by name.
+VfsPtr FilesInMemory(std::span<const ModelFile> files) {
   VfsPtr vfs(new mjVFS);
   mj_defaultVFS(vfs.get());
-  for (const ModelFile& file : ModelFiles()) AddFile(vfs.get(), file.name, file.text);
+  for (const ModelFile& file : files) AddFile(vfs.get(), std::string(file.name), file.bytes);
   return vfs;
 }
 
@@ -83,23 +80,17 @@ void InstallEngineHandlers() {
   });
 }
 
-std::string ModelText(const std::string& file) {
-  for (const ModelFile& known : ModelFiles()) {
-    if (file == known.name) return known.text;
-  }
-  throw EngineError("no model file '" + file + "'");
-}
-
-ModelPtr CompileModel(const std::string& name, const std::string& mjcf) {
+ModelPtr CompileModel(const std::string& name, std::string_view mjcf,
+                      std::span<const ModelFile> files) {
   InstallEngineHandlers();
-  CheckFileReferences(name, mjcf);
+  CheckFileReferences(name, mjcf, files);
 
   char error[1000] = "";
   try {
-    const VfsPtr files = FilesInMemory();
-    const std::string root = "model:" + name;  // no file of models/ has a colon
-    AddFile(files.get(), root, mjcf);
-    ModelPtr model(mj_loadXML(root.c_str(), files.get(), error, sizeof error));
+    const VfsPtr vfs = FilesInMemory(files);
+    const std::string root = "model:" + name;  // no file has a colon
+    AddFile(vfs.get(), root, mjcf);
+    ModelPtr model(mj_loadXML(root.c_str(), vfs.get(), error, sizeof error));
     if (model != nullptr) return model;
   } catch (const EngineError& raised) {
     throw EngineError("model '" + name + "' does not compile: " + raised.what());
@@ -107,15 +98,16 @@ ModelPtr CompileModel(const std::string& name, const std::string& mjcf) {
   throw EngineError("model '" + name + "' does not compile: " + error);
 }
 
-ModelPtr CopyOfCompiled(const std::string& name, const std::string& mjcf) {
+ModelPtr CopyOfCompiled(const std::string& name, std::string_view mjcf,
+                        std::span<const ModelFile> files) {
   static std::mutex mutex;
   static std::map<std::string, ModelPtr> compiled;
   const std::lock_guard lock(mutex);
   ModelPtr& original = compiled[name];
-  if (original == nullptr) original = CompileModel(name, mjcf);
+  if (original == nullptr) original = CompileModel(name, mjcf, files);
   ModelPtr copy(mj_copyModel(nullptr, original.get()));
   if (copy == nullptr) throw EngineError("cannot copy model '" + name + "'");
   return copy;
 }
 
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

@@ -20,10 +20,10 @@
 #include <vector>
 
 #include "dreamsearch/environment.h"
-#include "engine.h"
-#include "numpy_random.h"
+#include "plugins/mujoco/engine.h"
+#include "plugins/mujoco/numpy_random.h"
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 
 struct TaskSettings {
   const char* name = nullptr;  // of the component: "walker_walk"
@@ -131,4 +131,4 @@ double QuaternionNorm(const double* q);
 // z axis of the body in world coordinates is (xz, yz, zz).
 enum MatrixEntry { kXX = 0, kXY, kXZ, kYX, kYY, kYZ, kZX, kZY, kZZ };
 
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

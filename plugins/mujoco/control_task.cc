@@ -1,11 +1,11 @@
-#include "control_task.h"
+#include "plugins/mujoco/control_task.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 namespace {
 
 constexpr std::uint32_t kEpisodeSteps = 1000;
@@ -329,4 +329,4 @@ double QuaternionNorm(const double* q) {
   return std::sqrt((q[0] * q[0] + q[2] * q[2]) + (q[1] * q[1] + q[3] * q[3]));
 }
 
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco

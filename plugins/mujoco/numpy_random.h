@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <random>
 
-namespace dreamsearch::dmc {
+namespace dreamsearch::mujoco {
 
 // RandomState(seed): Mersenne twister, 53-bit uniforms from two outputs, normals
 // by the polar method (Marsaglia and Bray 1964), which makes two at a time.
@@ -48,4 +48,4 @@ class NumpyRandom {
   bool has_kept_ = false;
 };
 
-}  // namespace dreamsearch::dmc
+}  // namespace dreamsearch::mujoco
