@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """The rooms of host and results: an include may reach its own room and those below.
 
-rooms.py ROOT prints every include that climbs, every room with more than 20 files and
-every file of a room that is spelled otherwise than from the root, and fails if there is one.
+rooms.py ROOT prints every include that climbs, every room with more than 20 files, every
+file of a room that is spelled otherwise than from the root, and every folder of tests that
+no room has, and fails if there is one.
 """
 import pathlib
 import re
@@ -24,6 +25,9 @@ def faults(root):
                 yield f"{folder}: no such room is known; add it to {__file__}"
             if len(files) > MOST_FILES:
                 yield f"{folder}: {len(files)} files, at most {MOST_FILES} expected"
+        for folder in sorted(p for p in (root / "tests" / side).iterdir() if p.is_dir()):
+            if folder.name not in order:
+                yield f"{folder}: tests of no room; tests are laid out like the code"
         for path in sorted(p for p in (root / side).rglob("*") if p.suffix in (".h", ".cc")):
             parts = path.relative_to(root / side).parts
             room = parts[0] if len(parts) > 1 else ""

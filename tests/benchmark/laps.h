@@ -14,7 +14,7 @@
 #include <string>
 
 #include "dreamsearch/instruction_set.h"
-#include "yardstick.h"
+#include "tests/benchmark/yardstick.h"
 
 namespace dreamsearch {
 

@@ -1,7 +1,7 @@
 # What the libraries reach on this processor, for the yardstick and side by side with our
 # products: Eigen as the runner has it, and oneDNN and libxsmm where they are installed.
 add_library(dreamsearch_yardstick STATIC yardstick.cc)
-target_include_directories(dreamsearch_yardstick PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+target_include_directories(dreamsearch_yardstick PUBLIC ${PROJECT_SOURCE_DIR})
 target_link_libraries(dreamsearch_yardstick PUBLIC dreamsearch::sdk
                       PRIVATE dreamsearch_eigen_product dreamsearch_flags)
 # Debian's CMake package of oneDNN asks for OpenCL, which we do not need.
@@ -26,8 +26,6 @@ dreamsearch_add_benchmark(products_benchmark
 
 dreamsearch_add_benchmark(model_dreamer_benchmark
   SOURCES model_dreamer_benchmark.cc LINK dreamer_model dreamsearch_yardstick)
-target_include_directories(model_dreamer_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/../networks)
 
 dreamsearch_add_benchmark(model_tdmpc_benchmark
   SOURCES model_tdmpc_benchmark.cc LINK tdmpc_model dreamsearch_yardstick)
-target_include_directories(model_tdmpc_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/../networks)

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "batches.h"
-#include "laps.h"
 #include "plugins/model_dreamer/dreamer.h"
+#include "tests/benchmark/laps.h"
+#include "tests/plugins/networks/batches.h"
 
 namespace dreamsearch::dreamer {
 namespace {

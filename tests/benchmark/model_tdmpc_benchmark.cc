@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "batches.h"
-#include "laps.h"
 #include "plugins/model_tdmpc/tdmpc.h"
+#include "tests/benchmark/laps.h"
+#include "tests/plugins/networks/batches.h"
 
 namespace dreamsearch::tdmpc {
 namespace {

@@ -1,9 +1,7 @@
 dreamsearch_add_benchmark(planner_benchmark SOURCES planner_benchmark.cc LINK ${CMAKE_DL_LIBS})
-target_include_directories(planner_benchmark PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/..)
 add_dependencies(planner_benchmark planner_dreamer planner_rollout planner_mcts planner_shooting)
 
 dreamsearch_add_benchmark(planner_latency
   SOURCES planner_latency.cc LINK ${CMAKE_DL_LIBS} dreamsearch_yardstick)
-target_include_directories(planner_latency PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/..)
 add_dependencies(planner_latency planner_dreamer planner_rollout planner_mcts planner_shooting
                  model_dreamer env_dmc)

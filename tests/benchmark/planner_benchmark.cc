@@ -7,7 +7,7 @@
 #include <benchmark/benchmark.h>
 
 #include "dreamsearch/random.h"
-#include "planners/loaded_planner.h"
+#include "tests/plugins/planners/loaded_planner.h"
 
 namespace dreamsearch {
 namespace {

@@ -28,8 +28,8 @@
 #include <vector>
 
 #include "dreamsearch/planning.h"
-#include "planners/loaded_planner.h"
-#include "yardstick.h"
+#include "tests/benchmark/yardstick.h"
+#include "tests/plugins/planners/loaded_planner.h"
 
 namespace dreamsearch {
 namespace {

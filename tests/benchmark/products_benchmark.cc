@@ -17,7 +17,7 @@
 #include "dreamsearch/instruction_set.h"
 #include "dreamsearch/random.h"
 #include "plugins/networks/product.h"
-#include "yardstick.h"
+#include "tests/benchmark/yardstick.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,4 +1,4 @@
-#include "yardstick.h"
+#include "tests/benchmark/yardstick.h"
 
 #include <unistd.h>
 

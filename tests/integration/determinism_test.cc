@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,7 +1,7 @@
 // Ordinary environments, whose episodes end when they like.
 #include <gtest/gtest.h>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

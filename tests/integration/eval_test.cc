@@ -6,8 +6,8 @@
 #include <chrono>
 #include <thread>
 
-#include "program.h"
 #include "results/upkeep/merge.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

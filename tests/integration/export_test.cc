@@ -10,7 +10,7 @@
 #include "host/acting/components.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

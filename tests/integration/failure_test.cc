@@ -12,7 +12,7 @@
 #include <iterator>
 #include <thread>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -5,7 +5,7 @@
 #include <cctype>
 #include <sstream>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -19,7 +19,7 @@
 #include <string>
 #include <thread>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -11,9 +11,9 @@
 #include <iterator>
 #include <thread>
 
-#include "program.h"
 #include "results/upkeep/merge.h"
 #include "results/upkeep/verification.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

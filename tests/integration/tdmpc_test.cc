@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

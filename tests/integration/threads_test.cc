@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "host/settings/cores.h"
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -1,7 +1,7 @@
 // What a component declares decides how it is run and labelled; its name decides nothing.
 #include <gtest/gtest.h>
 
-#include "program.h"
+#include "tests/integration/program.h"
 
 namespace dreamsearch {
 namespace {

@@ -13,7 +13,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-GOLDEN = ROOT / "tests" / "model_dreamer" / "golden"
+GOLDEN = ROOT / "tests" / "plugins" / "model_dreamer" / "golden"
 OBSERVATIONS, ACTIONS = 24, 6  # walker's, as in our benchmark programs
 DECISIONS = 20  # a turn of planner_latency
 # What OPENBLAS_CORETYPE may say; None leaves the choice to OpenBLAS.

@@ -1,7 +1,0 @@
-// Offers the planner 'good', as good.so does.
-#include "tiny_plugin.h"
-
-namespace {
-constexpr dreamsearch::ComponentDescriptor kComponents[] = {dreamsearch::TinyPlanner("good")};
-}
-DREAMSEARCH_PLUGIN("good_twin", "2.0.0", kComponents)

@@ -1,4 +1,0 @@
-// Its descriptor begins with something else.
-#include "tiny_plugin.h"
-
-TINY_DESCRIPTOR(v0, d.magic = 0x1234)

@@ -1,4 +1,0 @@
-// Its symbol and its descriptor disagree about the major version.
-#include "tiny_plugin.h"
-
-TINY_DESCRIPTOR(v0, d.sdk_major = 7)

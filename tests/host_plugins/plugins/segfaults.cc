@@ -1,8 +1,0 @@
-// Writes to the null address while it is loaded.
-#include "tiny_plugin.h"
-
-WHILE_LOADING({
-  volatile int* volatile nowhere = nullptr;
-  *nowhere = 1;
-})
-TINY_PLUGIN(segfaults)

@@ -1,7 +1,0 @@
-// Ends the process, with success, while it is loaded.
-#include <cstdlib>
-
-#include "tiny_plugin.h"
-
-WHILE_LOADING(std::_Exit(0))
-TINY_PLUGIN(static_exits)

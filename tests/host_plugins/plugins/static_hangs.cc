@@ -1,8 +1,0 @@
-// Never ends loading.
-#include "tiny_plugin.h"
-
-namespace {
-volatile bool go_on = true;
-}
-WHILE_LOADING(while (go_on){})
-TINY_PLUGIN(static_hangs)

@@ -1,7 +1,0 @@
-// Throws while it is loaded.
-#include <stdexcept>
-
-#include "tiny_plugin.h"
-
-WHILE_LOADING(throw std::runtime_error("no licence found"))
-TINY_PLUGIN(static_throws)

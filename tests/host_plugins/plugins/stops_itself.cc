@@ -1,7 +1,0 @@
-// Stops its process while it is loaded.
-#include <signal.h>
-
-#include "tiny_plugin.h"
-
-WHILE_LOADING(::raise(SIGSTOP))
-TINY_PLUGIN(stops_itself)

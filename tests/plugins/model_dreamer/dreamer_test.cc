@@ -1,0 +1,200 @@
+// The model behind the SDK's interface: the promises of every learned model, and its own.
+#include "plugins/model_dreamer/dreamer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "plugins/networks/noise.h"
+#include "tests/plugins/networks/model_promises.h"
+
+namespace dreamsearch::dreamer {
+namespace {
+
+struct DreamerCase {
+  using Settings = dreamer::Settings;
+  static constexpr std::size_t kSmallState = 24 + 5;
+  static constexpr const char* kObservationLoss = "observation loss";
+  static constexpr const char* kRewardLoss = "reward loss";
+
+  static Settings Small(const char* preset) {
+    Settings s = PresetSettings(preset);
+    s.deterministic = s.hidden = 24;
+    s.stochastic = 5;
+    s.horizon = 5;
+    s.imagination_starts = 20;
+    return s;
+  }
+  // 230 starts: lanes of one and two blocks.
+  static Settings InLanes() {
+    Settings s = Small("fast");
+    s.imagination_starts = 0;
+    s.start_skip = 0;
+    return s;
+  }
+  static Settings AskingForAll(const char* preset) {
+    Settings s = PresetSettings(preset);
+    s.continuation = true;
+    s.imagined_latent_sample = true;
+    s.horizon = 3;
+    s.imagination_starts = 300;  // more than one block
+    return s;
+  }
+  static Model* Make(const Settings& settings, Index o, Index a, std::uint64_t seed) {
+    return new Dreamer(settings, o, a, seed);
+  }
+  static View<const MetricSpec> Metrics() { return DeclaredMetrics(); }
+};
+
+}  // namespace
+}  // namespace dreamsearch::dreamer
+
+namespace dreamsearch {
+INSTANTIATE_TYPED_TEST_SUITE_P(Dreamer, ModelPromises, dreamer::DreamerCase);
+}  // namespace dreamsearch
+
+namespace dreamsearch::dreamer {
+namespace {
+
+Settings Small() { return DreamerCase::Small("fast"); }
+ModelPointer Make(const Settings& settings, Index o = 2, Index a = 1) {
+  return dreamsearch::Make<DreamerCase>(settings, 1, o, a);
+}
+double Metric(const std::vector<double>& metrics, const std::string& name) {
+  return dreamsearch::Metric<DreamerCase>(metrics, name);
+}
+
+TEST(Dreamer, LoadRefusesOtherSizesAndMissingBytes) {
+  const ModelPointer model = Make(Small());
+  Bytes saved;
+  ASSERT_TRUE(model->Save(&saved).ok());
+  Bytes cut = saved;
+  cut.bytes.pop_back();
+  EXPECT_EQ(Make(Small())->Load(&cut).code, StatusCode::kDataLoss);
+  Bytes again = saved;
+  Settings wider = Small();
+  wider.hidden += 1;
+  const Status status = Make(wider)->Load(&saved);
+  EXPECT_EQ(status.code, StatusCode::kDataLoss);
+  EXPECT_NE(std::string(status.message).find("world model size"), std::string::npos)
+      << status.message;
+  // As many parameters in other layers.
+  Settings moved = Small();
+  moved.decoder_layers -= 1;
+  moved.reward_layers += 1;
+  const Status other = Make(moved)->Load(&again);
+  EXPECT_EQ(other.code, StatusCode::kDataLoss);
+  EXPECT_NE(std::string(other.message).find("architecture"), std::string::npos) << other.message;
+}
+
+TEST(Dreamer, LearnsWithTheSmallestEpsilon) {
+  Settings settings = Small();  // zero heads: the first gradients of their hidden layers are 0
+  for (const ParameterSpec& spec : DeclaredParameters()) {
+    if (std::string(spec.name) == "adam_epsilon") settings.adam_epsilon = spec.min;
+  }
+  const ModelPointer model = Make(settings);
+  for (std::uint64_t update = 0; update < 3; ++update) {
+    Train<DreamerCase>(model.get(), PointBatch(6, 10, 1), update);
+  }
+}
+
+TEST(Dreamer, DiscountsByGammaWithoutAContinuationModel) {
+  const ModelPointer model = Make(Small());
+  for (const double discount : Ask(model.get(), 3, 5).discounts) EXPECT_EQ(discount, 0.99);
+}
+
+TEST(Dreamer, HasOneCriticAndSoNoSpread) {
+  const ModelPointer model = Make(Small());
+  LatentArray latents(*model, 3);
+  for (std::size_t i = 0; i < latents.floats().size(); ++i) {
+    latents.floats()[i] = 0.01f * static_cast<float>(i % 7);
+  }
+  std::vector<double> alone(3), values(3), deviations(3, -1), least(3, -1);
+  ASSERT_TRUE(model->Value(latents, {.values = {alone.data(), 3}}).ok());
+  ASSERT_TRUE(
+      model->Value(latents, {{values.data(), 3}, {deviations.data(), 3}, {least.data(), 3}}).ok());
+  EXPECT_EQ(values, alone);
+  EXPECT_EQ(least, alone);
+  EXPECT_EQ(deviations, std::vector<double>(3, 0));
+}
+
+TEST(Dreamer, ExportsEveryParameterOnce) {
+  const ModelPointer model = Make(PresetSettings("paper"), 24, 6);
+  Names sink;
+  ASSERT_TRUE(model->Export(&sink).ok());
+  // Multiply-adds of the layers at these sizes (weights), and one bias an output.
+  const std::uint64_t weights =
+      84800 + 7200 + 240000 + 52000 + 92000 + 90800 + 86200 + 168400 + 126200;
+  const std::uint64_t biases = 3 * 200 + 200 + 2 * 600 + 260 + 260 + 424 + 401 + 812 + 601;
+  EXPECT_EQ(sink.total, weights + biases + 2 * 24);
+  EXPECT_EQ(sink.names.front(), "encoder.0.weight");
+}
+
+// The loss falls and the actor comes to prefer the way to the reward: from x = 0.5
+// it pushes left, from -0.5 right.
+TEST(Dreamer, LearnsAPointOnALine) {
+  Settings settings = Small();
+  settings.layer_norm = true;  // bears the high rates that keep this short
+  settings.model_learning_rate = settings.value_learning_rate = 2e-3;
+  settings.actor_learning_rate = 2e-3;
+  settings.acting_latent_sample = false;
+  settings.imagination_starts = 64;
+  const ModelPointer model = Make(settings);
+  std::vector<double> first, last;
+  for (std::uint64_t update = 0; update < 250; ++update) {
+    const std::vector<double> metrics =
+        Train<DreamerCase>(model.get(), PointBatch(8, 12, update), update);
+    if (update == 0) first = metrics;
+    last = metrics;
+  }
+  EXPECT_LT(Metric(last, "observation_loss"), 0.2 * Metric(first, "observation_loss"));
+  EXPECT_LT(Metric(last, "reward_loss"), 0.1 * Metric(first, "reward_loss"));
+  EXPECT_GT(Metric(last, "imagined_return"), Metric(first, "imagined_return") + 1);
+  double modes[2];
+  for (const double x : {0.5, -0.5}) {
+    LatentArray previous(*model, 1), latent(*model, 1);
+    ASSERT_TRUE(model->InitialLatent(previous).ok());
+    const double observation[] = {x, x * x};
+    const double action[] = {0};
+    const std::uint64_t seed = 0;
+    ASSERT_TRUE(
+        model->Observe({previous, {action, 1, 1}, {observation, 1, 2}, {}, {&seed, 1}}, latent)
+            .ok());
+    ASSERT_TRUE(model->ProposeMode(latent, {&modes[x < 0], 1, 1}).ok());
+  }
+  EXPECT_LT(modes[0], -0.3);
+  EXPECT_GT(modes[1], 0.3);
+}
+
+TEST(Noise, IsStandardNormalAndDependsOnSeedAndIndexAlone) {
+  constexpr Index kCount = 1 << 20;
+  std::vector<float> draws(kCount);
+  FillNormal(5, draws.data(), kCount);
+  double sum = 0, squares = 0, fourth = 0;
+  std::uint64_t beyond = 0;
+  for (const float x : draws) {
+    const double v = static_cast<double>(x);
+    sum += v;
+    squares += v * v;
+    fourth += v * v * v * v;
+    if (std::abs(v) > 3) ++beyond;
+  }
+  // Five standard errors: 1, sqrt 2 and sqrt 96 over sqrt n; P(|x| > 3) = 0.0027.
+  const double error = 5 / std::sqrt(double{kCount});
+  EXPECT_NEAR(sum / kCount, 0, error);
+  EXPECT_NEAR(squares / kCount, 1, 1.42 * error);
+  EXPECT_NEAR(fourth / kCount, 3, 9.8 * error);
+  EXPECT_NEAR(static_cast<double>(beyond) / kCount, 0.0026998, 0.052 * error);
+  std::vector<float> few(333);
+  FillNormal(5, few.data(), 333);
+  EXPECT_TRUE(std::equal(few.begin(), few.end(), draws.begin()));
+  std::vector<double> wide(333);
+  FillNormal(5, wide.data(), 333);
+  EXPECT_TRUE(std::equal(wide.begin(), wide.end(), few.begin()));
+}
+
+}  // namespace
+}  // namespace dreamsearch::dreamer

@@ -1,0 +1,31 @@
+// golden_data.h - what the golden test and the writer of its input share.
+//
+// A case is a preset with small sizes and a few settings changed. NAME_input.json
+// holds it in full: settings by their public names, weights as the model exports
+// them, batches, draws and starts. NAME_output.json holds what golden.py made of it.
+#pragma once
+
+#include <vector>
+
+#include "plugins/model_dreamer/learner.h"
+#include "tests/plugins/networks/golden_tools.h"
+
+namespace dreamsearch::dreamer {
+
+inline constexpr const char* kGoldenCases[] = {"paper", "fast", "lanes"};
+
+// The streams of an update's seed that learner.cc draws its noise from.
+inline constexpr std::uint64_t kPosteriorStream = 1;
+inline constexpr std::uint64_t kLatentStream = 3;
+inline constexpr std::uint64_t kActionStream = 4;
+
+// A declared parameter that `values` does not name has its value of the preset
+// paper, under which every addition to the method is off. Throws on a name that is
+// not declared.
+inline Settings SettingsFromJson(const Json& values) {
+  const std::vector<ParameterValue> resolved =
+      ValuesFromJson(DeclaredParameters(), "paper", values);
+  return SettingsFrom({{resolved.data(), resolved.size()}}, true);
+}
+
+}  // namespace dreamsearch::dreamer

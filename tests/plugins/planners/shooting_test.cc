@@ -1,0 +1,255 @@
+// shooting_test.cc - the planners over whole action sequences, against closed forms.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/plugins/planners/loaded_planner.h"
+#include "tests/plugins/planners/scripted_model.h"
+
+namespace dreamsearch {
+namespace {
+
+const ScriptedState kRoot;
+constexpr const char* kShooters[] = {"random_shooting", "cem", "mppi"};
+
+// Arriving with n transitions made pays 2^n and is worth 1000.
+ScriptedModel Counter(double discount) {
+  ScriptedModel model;
+  model.transition = [discount](const ScriptedState& state, ScriptedModel::Action) {
+    ScriptedTransition step;
+    step.next.x[0] = state.x[0] + 1;
+    step.reward = std::exp2(step.next.x[0]);
+    step.discount = discount;
+    return step;
+  };
+  model.value = [](const ScriptedState&) { return 1000.0; };
+  return model;
+}
+
+TEST(Shooting, HorizonCountsTransitionsAndDiscountsAreTheModels) {
+  for (const char* name : kShooters) {
+    for (const bool bootstrap : {false, true}) {
+      for (const int horizon : {1, 4}) {
+        ScriptedModel model = Counter(0.5);
+        LoadedPlanner planner(name, &model, {{"horizon", horizon}, {"bootstrap", bootstrap}});
+        const Decision decision = planner.Plan(AsLatents(kRoot));
+        // 2 + 4/2 + 8/4 + ... is 2 a transition.
+        const double expected = 2 * horizon + (bootstrap ? 1000 * std::exp2(-horizon) : 0);
+        EXPECT_NEAR(decision.result.value, expected, 1e-12 * expected) << name;
+        EXPECT_EQ(decision.result.depth, static_cast<std::uint32_t>(horizon));
+      }
+    }
+  }
+}
+
+TEST(Shooting, AllSequencesAdvanceAsOneBatch) {
+  ScriptedModel model = Counter(1);
+  LoadedPlanner random("random_shooting", &model);
+  ASSERT_TRUE(random.Plan(AsLatents(kRoot)).status.ok());
+  EXPECT_EQ(model.imagine_calls, 12u);
+  EXPECT_EQ(model.transitions, 12000u);
+  LoadedPlanner cem("cem", &model);
+  model.imagine_calls = model.transitions = 0;
+  EXPECT_EQ(cem.Plan(AsLatents(kRoot)).result.simulations, 10000u);
+  EXPECT_EQ(model.imagine_calls, 120u);
+  EXPECT_EQ(model.transitions, 120000u);
+  LoadedPlanner mppi("mppi", &model);
+  model.imagine_calls = model.transitions = 0;
+  EXPECT_EQ(mppi.Plan(AsLatents(kRoot)).result.simulations, 6 * 512u);
+  // Six iterations of three transitions, and two to follow the actor.
+  EXPECT_EQ(model.imagine_calls, 20u);
+  EXPECT_EQ(model.transitions, 6u * 3 * 512 + 2 * 24);
+}
+
+TEST(RandomShooting, PlaysTheFirstActionOfTheBestSequence) {
+  ScriptedModel model = Bandit([](double a) { return -(a - 0.5) * (a - 0.5); }, 0.9);
+  LoadedPlanner planner("random_shooting", &model, {{"candidates", 50}, {"horizon", 3}});
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  ASSERT_EQ(decision.tree.size(), 150u);
+  std::size_t best = 0;
+  double best_return = -1e300;
+  for (std::size_t i = 0; i < 50; ++i) {
+    double sum = 0;
+    for (std::size_t t = 0; t < 3; ++t) {
+      const double a = decision.tree[t * 50 + i].a[0];
+      sum -= std::pow(0.9, t) * (a - 0.5) * (a - 0.5);
+    }
+    EXPECT_NEAR(decision.tree[i].q, sum, 1e-12);
+    if (sum > best_return) {
+      best_return = sum;
+      best = i;
+    }
+  }
+  EXPECT_EQ(decision.action, decision.tree[best].a);
+  EXPECT_NEAR(decision.result.value, best_return, 1e-12);
+}
+
+// One iteration from N(0, 1): the played mean is that of the best candidates.
+TEST(Cem, RefitsToTheElites) {
+  ScriptedModel model = Bandit([](double a) { return a; }, 0);
+  LoadedPlanner planner("cem", &model,
+                        {{"candidates", 40}, {"elites", 10}, {"iterations", 1}, {"horizon", 2}});
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  std::vector<double> first;
+  for (std::size_t i = 0; i < 40; ++i) first.push_back(decision.tree[i].a[0]);
+  std::sort(first.rbegin(), first.rend());
+  double mean = 0, variance = 0;
+  for (std::size_t i = 0; i < 10; ++i) mean += first[i] / 10;
+  for (std::size_t i = 0; i < 10; ++i) variance += (first[i] - mean) * (first[i] - mean) / 10;
+  EXPECT_NEAR(decision.action[0], mean, 1e-12);
+  EXPECT_NEAR(decision.result.value, mean, 1e-12);
+  EXPECT_NEAR(planner.Metric(decision, "plan_std"), std::sqrt(variance), 1e-12);
+}
+
+// 10 refits to the best tenth shrink the deviation by about 5 each (the density
+// near the optimum is flat, so a tenth of the candidates span a tenth of it).
+TEST(Cem, ConvergesOnAQuadratic) {
+  for (const double optimum : {-0.9, 0.0, 0.5}) {
+    ScriptedModel model =
+        Bandit([optimum](double a) { return -(a - optimum) * (a - optimum); }, 0.99);
+    LoadedPlanner planner("cem", &model, {{"horizon", 2}});
+    EXPECT_NEAR(planner.Plan(AsLatents(kRoot)).action[0], optimum, 1e-3);
+  }
+}
+
+// One iteration: mean and deviation are weighted with exp(t (R - best)).
+TEST(Mppi, WeighsTheElites) {
+  ScriptedModel model = Bandit([](double a) { return a; }, 0);
+  LoadedPlanner planner("mppi", &model,
+                        {{"candidates", 40},
+                         {"actor_candidates", 8},
+                         {"elites", 10},
+                         {"iterations", 1},
+                         {"temperature", 3.0},
+                         {"play", "mean"}});
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  std::vector<double> first;
+  for (std::size_t i = 0; i < 40; ++i) first.push_back(decision.tree[i].a[0]);
+  std::sort(first.rbegin(), first.rend());
+  double weights = 0, mean = 0, variance = 0;
+  for (std::size_t i = 0; i < 10; ++i) weights += std::exp(3 * (first[i] - first[0]));
+  for (std::size_t i = 0; i < 10; ++i) {
+    mean += first[i] * std::exp(3 * (first[i] - first[0])) / weights;
+  }
+  for (std::size_t i = 0; i < 10; ++i) {
+    variance +=
+        (first[i] - mean) * (first[i] - mean) * std::exp(3 * (first[i] - first[0])) / weights;
+  }
+  EXPECT_NEAR(decision.action[0], mean, 1e-12);
+  EXPECT_NEAR(decision.result.value, mean, 1e-12);
+  EXPECT_NEAR(planner.Metric(decision, "plan_std"), std::max(0.05, std::sqrt(variance)), 1e-12);
+}
+
+TEST(Mppi, DeviationStaysInItsBounds) {
+  ScriptedModel model = Bandit([](double a) { return 1e6 * a; }, 0);
+  LoadedPlanner narrow("mppi", &model, {{"min_std", 0.125}});
+  EXPECT_EQ(narrow.Metric(narrow.Plan(AsLatents(kRoot)), "plan_std"), 0.125);
+  LoadedPlanner wide("mppi", &model, {{"min_std", 0.0}, {"max_std", 0.01}, {"temperature", 0.0}});
+  EXPECT_LE(wide.Metric(wide.Plan(AsLatents(kRoot)), "plan_std"), 0.01);
+}
+
+TEST(Mppi, SomeCandidatesFollowTheActor) {
+  ScriptedModel model = Counter(1);
+  // The actor's sample names the state it was drawn at.
+  model.sample = [](const ScriptedState& state, Random&, View<double> action) {
+    action[0] = 0.125 * (state.x[0] + 1);
+  };
+  LoadedPlanner planner("mppi", &model);
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  for (std::size_t t = 0; t < 3; ++t) {
+    for (std::size_t i = 0; i < 512; ++i) {
+      EXPECT_EQ(decision.tree[t * 512 + i].a[0] == 0.125 * static_cast<double>(t + 1), i < 24);
+    }
+  }
+}
+
+// A search so narrow that the played action tells where it started. With one action
+// the mean of the best eighth of N(0, d^2) is 1.65 d (d = 1e-3), and less where three
+// actions share the choice: a plan made anew stays below 2 d, one that an action
+// gains from three times over while it moves up does not.
+TEST(Mppi, StartsFromTheLastPlanShiftedByOne) {
+  ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
+  const Settings settings = {{"max_std", 1e-3},
+                             {"min_std", 0.0},
+                             {"iterations", 1},
+                             {"actor_candidates", 0},
+                             {"play", "mean"}};
+  const auto drift = [&](Settings more) {
+    more.insert(more.end(), settings.begin(), settings.end());
+    LoadedPlanner planner("mppi", &model, more);
+    std::vector<double> actions;
+    for (std::uint64_t seed = 0; seed < 6; ++seed) {
+      actions.push_back(planner.Plan(AsLatents(kRoot), {.seed = seed}).action[0]);
+    }
+    return actions;
+  };
+  const std::vector<double> warm = drift({{"horizon", 3}});
+  EXPECT_LT(warm[0], 2e-3);
+  EXPECT_GT(warm[1], warm[0]);
+  EXPECT_GT(warm[2], 2e-3);
+  for (const double a : drift({{"horizon", 3}, {"warm_start", false}})) EXPECT_LT(a, 2e-3);
+  for (const double a : drift({{"horizon", 1}})) EXPECT_LT(a, 2e-3) << "nothing is left to shift";
+}
+
+TEST(Mppi, ForgetsThePlanAtAnEpisodesStart) {
+  ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
+  LoadedPlanner planner("mppi", &model, {{"max_std", 0.1}});
+  const Decision first = planner.Plan(AsLatents(kRoot), {.seed = 1});
+  const Decision second = planner.Plan(AsLatents(kRoot), {.seed = 1});
+  EXPECT_NE(first.action, second.action);
+  ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+  EXPECT_EQ(planner.Plan(AsLatents(kRoot), {.seed = 1}).action, first.action);
+}
+
+TEST(Mppi, NoiseOnlyWhenExploringAndAsWideAsThePlan) {
+  ScriptedModel model = Bandit([](double a) { return -a * a; }, 0);
+  LoadedPlanner planner("mppi", &model, {{"min_std", 0.2}, {"max_std", 0.2}, {"play", "mean"}});
+  double squares = 0;
+  constexpr int kDecisions = 400;
+  for (std::uint64_t seed = 0; seed < kDecisions; ++seed) {
+    ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+    const double still = planner.Plan(AsLatents(kRoot), {.seed = seed, .tree = false}).action[0];
+    ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+    const double noisy =
+        planner.Plan(AsLatents(kRoot), {.explore = true, .seed = seed, .tree = false}).action[0];
+    squares += (noisy - still) * (noisy - still) / kDecisions;
+  }
+  // Five standard errors.
+  EXPECT_NEAR(std::sqrt(squares), 0.2, 5 * 0.2 / std::sqrt(2.0 * kDecisions));
+}
+
+// Elites that are all at the bound, in numbers whose weights add up to more than one.
+TEST(Shooting, MeansStayInsideTheBounds) {
+  ScriptedModel model;
+  model.transition = [](const ScriptedState& state, ScriptedModel::Action action) {
+    ScriptedTransition step;
+    step.next = state;
+    for (std::uint64_t j = 0; j < action.size; ++j) step.reward += action[j];
+    return step;
+  };
+  for (int elites = 2; elites <= 64; ++elites) {
+    LoadedPlanner cem("cem", &model,
+                      {{"candidates", 1000}, {"elites", elites}, {"initial_std", 10.0}});
+    LoadedPlanner mppi("mppi", &model, {{"elites", elites}, {"max_std", 10.0}, {"play", "mean"}});
+    for (LoadedPlanner* planner : {&cem, &mppi}) {
+      const Decision decision = planner->Plan(AsLatents(kRoot));
+      ASSERT_TRUE(decision.status.ok());
+      for (const double a : decision.action) {
+        EXPECT_LE(a, 1.0);
+        EXPECT_GT(a, 0.9);
+      }
+    }
+  }
+}
+
+TEST(Shooting, RefusesSettingsThatDoNotGoTogether) {
+  ScriptedModel model = Counter(1);
+  EXPECT_THROW(LoadedPlanner("cem", &model, {{"candidates", 10}, {"elites", 11}}),
+               std::runtime_error);
+  EXPECT_THROW(LoadedPlanner("mppi", &model, {{"candidates", 70}, {"actor_candidates", 71}}),
+               std::runtime_error);
+  EXPECT_THROW(LoadedPlanner("mppi", &model, {{"min_std", 3.0}}), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace dreamsearch

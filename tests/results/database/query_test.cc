@@ -1,0 +1,113 @@
+// What other people's SQL may do: read, and nothing else; and where its answer goes.
+#include "results/database/query.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "results/system/error.h"
+#include "results/system/file.h"
+#include "tests/results/database/recording.h"
+
+namespace dreamsearch::results {
+namespace {
+
+class QueryTest : public testing::Test {
+ protected:
+  QueryTest() {
+    MakeRun(Database::OpenOrCreate(folder_ / "r.db").get(), {});
+    db_ = Database::OpenReadOnly(folder_ / "r.db");
+  }
+  std::string Csv(const std::string& sql) {
+    return RunQuery(db_.get(), sql).Print(TableForm::kCsv);
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<Database> db_;
+};
+
+TEST_F(QueryTest, ReadsTablesViewsFunctionsAndJson) {
+  EXPECT_NE(Csv("SELECT count(*) AS n FROM run JOIN v_run USING (run_id)").find("1"),
+            std::string::npos);
+  EXPECT_NE(Csv("SELECT value FROM json_each('[5]')").find("5"), std::string::npos);
+  EXPECT_NE(Csv("SELECT j.key AS key FROM config c, json_each(c.json) j").find("key"),
+            std::string::npos);
+  EXPECT_NE(Csv("/* a comment */ WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n"
+                " WHERE i < 9) SELECT sum(i) AS total FROM n")
+                .find("45"),
+            std::string::npos);
+}
+
+TEST_F(QueryTest, ChangesNothing) {
+  for (const char* sql :
+       {"DELETE FROM run", "UPDATE run SET seed = 9", "INSERT INTO study (name) VALUES ('x')",
+        "DROP TABLE run", "CREATE TABLE x (y)", "UPDATE sqlite_master SET name = 'x'",
+        "DELETE FROM sqlite_master", "ATTACH 'x.db' AS x", "PRAGMA query_only = OFF", "VACUUM",
+        "BEGIN", "SELECT 1; DELETE FROM run", "SELECT", ""}) {
+    EXPECT_THROW(Csv(sql), Failure) << sql;
+    // Nor does a refused query leave anything behind that lets the next one through.
+    Csv("SELECT value FROM json_each('[5]')");
+  }
+  EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find("1"), std::string::npos);
+}
+
+// An object of JSON has room for one value of a name.
+TEST_F(QueryTest, ColumnsOfOneNameAreBothPrintedOrRefused) {
+  const Table table = RunQuery(
+      db_.get(),
+      "SELECT r.run_id, s.name, t.name FROM run r JOIN study s USING (study_id) JOIN task t"
+      " USING (task_id)");
+  EXPECT_EQ(table.Print(TableForm::kCsv), "run_id,name,name\n1,default,walker_walk\n");
+  for (const TableForm form : {TableForm::kText, TableForm::kMarkdown}) {
+    EXPECT_NE(table.Print(form).find("default"), std::string::npos);
+    EXPECT_NE(table.Print(form).find("walker_walk"), std::string::npos);
+  }
+  for (const char* sql :
+       {"SELECT s.name, t.name FROM study s, task t", "SELECT * FROM v_run a, v_run b",
+        "SELECT 1 AS x, 2 AS x", "SELECT * FROM run JOIN study USING (study_id), task"}) {
+    try {
+      RunQuery(db_.get(), sql).Print(TableForm::kJson);
+      FAIL() << sql;
+    } catch (const Failure& error) {
+      EXPECT_EQ(error.code(), ExitCode::kUsage);
+      EXPECT_NE(std::string(error.what()).find(" AS "), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_NE(RunQuery(db_.get(), "SELECT s.name AS study, t.name AS task FROM study s, task t")
+                .Print(TableForm::kJson)
+                .find("\"study\": \"default\""),
+            std::string::npos);
+}
+
+TEST(OutputFile, WritesWhereALinkPointsAndLeavesTheLink) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_symlink("sub/second", folder / "first");
+  std::filesystem::create_symlink("../target", folder / "sub/second");
+  for (const char* text : {"into nothing", "over the old"}) {
+    WriteFile(folder / "first", text);
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "first"));
+    EXPECT_TRUE(std::filesystem::is_symlink(folder / "sub/second"));
+    EXPECT_FALSE(std::filesystem::is_symlink(folder / "target"));
+    EXPECT_EQ(ReadWholeFile(folder / "target"), text);
+  }
+  std::filesystem::create_symlink("loop", folder / "loop");
+  EXPECT_THROW(WriteFile(folder / "loop", "x"), Failure);
+}
+
+TEST(OutputFile, WritesIntoWhatIsNoRegularFile) {
+  const TemporaryFolder folder;
+  const std::string fifo = folder / "pipe";
+  ASSERT_EQ(mkfifo(fifo.c_str(), 0600), 0);
+  const int reader = open(fifo.c_str(), O_RDONLY | O_NONBLOCK);
+  WriteFile(fifo, "through");
+  char text[16] = {};
+  EXPECT_EQ(read(reader, text, sizeof text - 1), 7);
+  close(reader);
+  EXPECT_STREQ(text, "through");
+  EXPECT_TRUE(std::filesystem::is_fifo(fifo));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+}  // namespace
+}  // namespace dreamsearch::results
