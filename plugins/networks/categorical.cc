@@ -13,7 +13,7 @@
 #ifndef DREAMSEARCH_NETWORKS_CATEGORICAL_KERNELS
 #define DREAMSEARCH_NETWORKS_CATEGORICAL_KERNELS
 
-// Every function of categorical.h: result, name, parameters, arguments.
+// Every function of categorical.h; see dispatch.h.
 #define DREAMSEARCH_CATEGORICAL(KERNEL)                                                            \
   KERNEL(void, SimNorm, (Mat<T> x), (x))                                                           \
   KERNEL(void, SimNormBackward, (In<T> y, Mat<T> d), (y, d))                                       \
@@ -28,13 +28,7 @@
 
 namespace dreamsearch::networks {
 
-// The kernels of one instruction set.
-template <typename T>
-struct CategoricalKernels {
-#define DREAMSEARCH_MEMBER(result, name, parameters, arguments) result(*name) parameters;
-  DREAMSEARCH_CATEGORICAL(DREAMSEARCH_MEMBER)
-#undef DREAMSEARCH_MEMBER
-};
+DREAMSEARCH_KERNEL_TABLE(CategoricalKernels, DREAMSEARCH_CATEGORICAL)
 
 }  // namespace dreamsearch::networks
 #endif
@@ -200,15 +194,7 @@ void TwoHotValueBackward(In<T> probabilities, In<T> values, In<T> d_values, cons
   }
 }
 
-template <typename T>
-const CategoricalKernels<T>& KernelsOf() {
-  static constexpr CategoricalKernels<T> kernels = {
-#define DREAMSEARCH_ADDRESS(result, name, parameters, arguments) &name<T>,
-      DREAMSEARCH_CATEGORICAL(DREAMSEARCH_ADDRESS)
-#undef DREAMSEARCH_ADDRESS
-  };
-  return kernels;
-}
+DREAMSEARCH_KERNELS_OF_SET(CategoricalKernels, DREAMSEARCH_CATEGORICAL)
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
@@ -217,33 +203,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace dreamsearch::networks {
-namespace {
-
-template <typename T>
-const CategoricalKernels<T>& Kernels() {
-  static const CategoricalKernels<T>& kernels = DREAMSEARCH_CHOOSE(KernelsOf<T>);
-  return kernels;
-}
-
-}  // namespace
-
-#define DREAMSEARCH_FORWARD(result, name, parameters, arguments) \
-  template <typename T>                                          \
-  result name parameters {                                       \
-    return Kernels<T>().name arguments;                          \
-  }
-DREAMSEARCH_CATEGORICAL(DREAMSEARCH_FORWARD)
-#undef DREAMSEARCH_FORWARD
-
-// Names all functions of a type, so that they are compiled here.
-template <typename T>
-CategoricalKernels<T> functions = {
-#define DREAMSEARCH_ADDRESS(result, name, parameters, arguments) &name<T>,
-    DREAMSEARCH_CATEGORICAL(DREAMSEARCH_ADDRESS)
-#undef DREAMSEARCH_ADDRESS
-};
-template CategoricalKernels<float> functions<float>;
-template CategoricalKernels<double> functions<double>;
-
+DREAMSEARCH_FORWARD_KERNELS(CategoricalKernels, DREAMSEARCH_CATEGORICAL)
 }  // namespace dreamsearch::networks
 #endif  // HWY_ONCE

@@ -17,7 +17,7 @@
 #ifndef DREAMSEARCH_NETWORKS_ELEMENTWISE_KERNELS
 #define DREAMSEARCH_NETWORKS_ELEMENTWISE_KERNELS
 
-// Every function of elementwise.h: result, name, parameters, arguments.
+// Every function of elementwise.h; see dispatch.h.
 #define DREAMSEARCH_ELEMENTWISE(KERNEL)                                                            \
   KERNEL(void, FillColumns, (const T* bias, Mat<T> y), (bias, y))                                  \
   KERNEL(void, Add, (In<T> x, Mat<T> y), (x, y))                                                   \
@@ -71,13 +71,7 @@
 
 namespace dreamsearch::networks {
 
-// The kernels of one instruction set.
-template <typename T>
-struct ElementwiseKernels {
-#define DREAMSEARCH_MEMBER(result, name, parameters, arguments) result(*name) parameters;
-  DREAMSEARCH_ELEMENTWISE(DREAMSEARCH_MEMBER)
-#undef DREAMSEARCH_MEMBER
-};
+DREAMSEARCH_KERNEL_TABLE(ElementwiseKernels, DREAMSEARCH_ELEMENTWISE)
 
 }  // namespace dreamsearch::networks
 #endif
@@ -564,15 +558,7 @@ void MoveTowards(const T* fast, T rate, Index count, T* slow) {
   }
 }
 
-template <typename T>
-const ElementwiseKernels<T>& KernelsOf() {
-  static constexpr ElementwiseKernels<T> kernels = {
-#define DREAMSEARCH_ADDRESS(result, name, parameters, arguments) &name<T>,
-      DREAMSEARCH_ELEMENTWISE(DREAMSEARCH_ADDRESS)
-#undef DREAMSEARCH_ADDRESS
-  };
-  return kernels;
-}
+DREAMSEARCH_KERNELS_OF_SET(ElementwiseKernels, DREAMSEARCH_ELEMENTWISE)
 
 }  // namespace
 
@@ -582,33 +568,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace dreamsearch::networks {
-namespace {
-
-template <typename T>
-const ElementwiseKernels<T>& Kernels() {
-  static const ElementwiseKernels<T>& kernels = DREAMSEARCH_CHOOSE(KernelsOf<T>);
-  return kernels;
-}
-
-}  // namespace
-
-#define DREAMSEARCH_FORWARD(result, name, parameters, arguments) \
-  template <typename T>                                          \
-  result name parameters {                                       \
-    return Kernels<T>().name arguments;                          \
-  }
-DREAMSEARCH_ELEMENTWISE(DREAMSEARCH_FORWARD)
-#undef DREAMSEARCH_FORWARD
-
-// Names all functions of a type, so that they are compiled here.
-template <typename T>
-ElementwiseKernels<T> functions = {
-#define DREAMSEARCH_ADDRESS(result, name, parameters, arguments) &name<T>,
-    DREAMSEARCH_ELEMENTWISE(DREAMSEARCH_ADDRESS)
-#undef DREAMSEARCH_ADDRESS
-};
-template ElementwiseKernels<float> functions<float>;
-template ElementwiseKernels<double> functions<double>;
-
+DREAMSEARCH_FORWARD_KERNELS(ElementwiseKernels, DREAMSEARCH_ELEMENTWISE)
 }  // namespace dreamsearch::networks
 #endif  // HWY_ONCE

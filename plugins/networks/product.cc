@@ -252,15 +252,7 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace dreamsearch::networks {
-namespace {
-
-template <typename T>
-const ProductKernels<T>& Kernels() {
-  static const ProductKernels<T>& kernels = DREAMSEARCH_CHOOSE(KernelsOf<T>);
-  return kernels;
-}
-
-}  // namespace
+DREAMSEARCH_CHOSEN_KERNELS(ProductKernels)
 
 template <typename T>
 PackedWeights<T>::PackedWeights(const std::vector<WeightPart>& parts) {
