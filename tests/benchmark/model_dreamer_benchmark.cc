@@ -12,7 +12,9 @@
 
 #include "plugins/model_dreamer/dreamer.h"
 #include "tests/benchmark/laps.h"
+#include "tests/benchmark/transition.h"
 #include "tests/plugins/networks/batches.h"
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch::dreamer {
 namespace {
@@ -135,38 +137,15 @@ BENCHMARK_CAPTURE(Parts, fast_float, "fast", "float")->Unit(benchmark::kMillisec
 BENCHMARK_CAPTURE(Parts, paper_bfloat16, "paper", "bfloat16")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Parts, paper_float, "paper", "float")->Unit(benchmark::kMillisecond);
 
-// What planners ask, at `rows` latents: one transition with its value and one
-// proposed action a latent.
 void Transition(benchmark::State& state, const char* preset, const char* precision) {
   const Setup setup(preset, precision);
-  Dreamer* model = new Dreamer(setup.settings, kObservations, kActions, 1);
-  const auto rows = static_cast<std::uint64_t>(state.range(0));
-  const std::uint64_t bytes = model->latent_bytes();
-  Buffer<float> memory;
-  const auto floats = static_cast<Index>(rows * bytes / sizeof(float));
-  memory.Reserve(2 * floats);
-  const Latents from{reinterpret_cast<std::byte*>(memory.data()), rows, bytes};
-  const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
-  std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
-  std::vector<std::uint64_t> row_seeds(rows);
-  const View<const std::uint64_t> seeds{row_seeds.data(), rows};
-  std::uint64_t seed = 0;
-  const Lap lap;
-  for (auto _ : state) {
-    FillSeeds(++seed, {row_seeds.data(), rows});
-    bool ok = model
-                  ->Imagine({from, {actions.data(), rows, kActions}, seeds},
-                            {to, {rewards.data(), rows}, {discounts.data(), rows}})
-                  .ok();
-    ok &= model->Value(to, {.values = {values.data(), rows}}).ok();
-    ok &= model->ProposeSamples(to, seeds, {actions.data(), rows, kActions}).ok();
-    if (!ok) state.SkipWithError("a call failed");
-  }
+  const Owned<Model> model(new Dreamer(setup.settings, kObservations, kActions, 1));
+  const double seconds = TimeTransitions(state, model.get());
   const Work work(setup.settings);
   Report(state,
-         2 * static_cast<double>(rows) * (work.dynamics + work.reward + work.value + work.actor),
-         lap.Each(state));
-  model->Destroy();
+         2 * static_cast<double>(state.range(0)) *
+             (work.dynamics + work.reward + work.value + work.actor),
+         seconds);
 }
 BENCHMARK_CAPTURE(Transition, fast_bfloat16, "fast", "bfloat16")
     ->Arg(1)

@@ -10,7 +10,9 @@
 
 #include "plugins/model_tdmpc/tdmpc.h"
 #include "tests/benchmark/laps.h"
+#include "tests/benchmark/transition.h"
 #include "tests/plugins/networks/batches.h"
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch::tdmpc {
 namespace {
@@ -66,34 +68,13 @@ BENCHMARK_CAPTURE(Update, fast, "fast")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Update, fast_2_threads, "fast", 2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(Update, paper, "paper")->Unit(benchmark::kMillisecond);
 
-// One transition with its value and one proposed action a latent, at `rows` latents.
 void Transition(benchmark::State& state, const char* preset) {
   const Settings settings = PresetSettings(preset);
-  Tdmpc* model = new Tdmpc(settings, kObservations, kActions, 1);
-  const auto rows = static_cast<std::uint64_t>(state.range(0));
-  const std::uint64_t bytes = model->latent_bytes();
-  Buffer<float> memory;
-  const auto floats = static_cast<Index>(rows * bytes / sizeof(float));
-  memory.Reserve(2 * floats);
-  const Latents from{reinterpret_cast<std::byte*>(memory.data()), rows, bytes};
-  const Latents to{reinterpret_cast<std::byte*>(memory.data() + floats), rows, bytes};
-  std::vector<double> actions(rows * kActions, 0.1), rewards(rows), discounts(rows), values(rows);
-  std::vector<std::uint64_t> row_seeds(rows, 1);
-  const View<const std::uint64_t> seeds{row_seeds.data(), rows};
-  const Lap lap;
-  for (auto _ : state) {
-    bool ok = model
-                  ->Imagine({from, {actions.data(), rows, kActions}, seeds},
-                            {to, {rewards.data(), rows}, {discounts.data(), rows}})
-                  .ok();
-    ok &= model->Value(to, {.values = {values.data(), rows}}).ok();
-    ok &= model->ProposeSamples(to, seeds, {actions.data(), rows, kActions}).ok();
-    if (!ok) state.SkipWithError("a call failed");
-  }
+  const Owned<Model> model(new Tdmpc(settings, kObservations, kActions, 1));
+  const double seconds = TimeTransitions(state, model.get());
   const Work work(settings);
   const double each = work.dynamics + work.reward + work.critics * work.critic + 2 * work.actor;
-  Report(state, 2 * static_cast<double>(rows) * each, lap.Each(state));
-  model->Destroy();
+  Report(state, 2 * static_cast<double>(state.range(0)) * each, seconds);
 }
 BENCHMARK_CAPTURE(Transition, fast, "fast")
     ->Arg(1)

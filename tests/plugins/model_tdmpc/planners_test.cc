@@ -9,23 +9,20 @@
 
 #include "plugins/model_tdmpc/tdmpc.h"
 #include "tests/plugins/networks/batches.h"
+#include "tests/plugins/owned.h"
 #include "tests/plugins/planners/loaded_planner.h"
 
 namespace dreamsearch {
 namespace {
 
-struct Destroyer {
-  void operator()(Model* model) const { model->Destroy(); }
-};
-
 // Of a point on a line, see PointBatch.
 Model* Trained() {
-  static const std::unique_ptr<Model, Destroyer> model = [] {
+  static const Owned<Model> model = [] {
     tdmpc::Settings settings = tdmpc::PresetSettings("fast");
     settings.latent = 24;
     settings.encoder_width = settings.width = 20;
     settings.learning_rate = settings.actor_learning_rate = 2e-3;
-    std::unique_ptr<Model, Destroyer> made(new tdmpc::Tdmpc(settings, 2, 1, 1));
+    Owned<Model> made(new tdmpc::Tdmpc(settings, 2, 1, 1));
     std::vector<double> metrics(tdmpc::kLosses);
     for (std::uint64_t update = 0; update < 400; ++update) {
       EXPECT_TRUE(made->Train({PointBatch(32, 4, update).view(), update, update, 0},

@@ -1,7 +1,17 @@
 // golden_tools.h - what golden tests and the writers of their input share.
 //
-// NAME_input.json holds a case in full: settings by their public names, weights as the model
-// exports them, batches and draws. NAME_output.json holds what a golden.py made of it.
+// A case is a preset with small sizes and a few settings changed. NAME_input.json holds it in
+// full: settings by their public names, weights as the model exports them, batches and draws.
+// NAME_output.json holds what a golden.py made of it.
+//
+// Measure: a number differs relative to its golden value, an array by the norm of
+// the difference relative to the golden array's norm; a gradient is one array a tensor.
+// A mean of terms of either sign, which may nearly cancel, differs relative to the
+// mean of their sizes.
+// Tolerances: 1e-5 in float, some tens of roundings of 2^-24; 1e-9 in double, of
+// which 5e-12 is the data's 12 digits. A step, the change of a tensor over all
+// updates, is seen through the parameter, so each update may add half an ulp of it.
+// DREAMSEARCH_SHOW_RESIDUALS=1 prints the largest residuals.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -28,6 +38,20 @@
 namespace dreamsearch::networks {
 
 using Json = nlohmann::json;
+
+inline constexpr const char* kGoldenCases[] = {"paper", "fast", "lanes"};
+inline constexpr Index kObservationSize = 3;
+inline constexpr Index kActionSize = 2;
+
+// What a case changes in its preset: sizes that are no multiple of a vector lane,
+// and numbers that make every part of a loss count.
+struct GoldenCase {
+  const char* preset;
+  Json changes;
+  std::uint64_t length;  // of a sequence
+  std::uint64_t sequences = 3;
+  std::uint64_t updates = 3;  // the third sees every moving average move
+};
 
 inline Json ReadJson(const std::string& folder, const std::string& name) {
   const std::string path =
@@ -134,6 +158,48 @@ double RoundingOf() {
   return static_cast<double>(std::numeric_limits<T>::epsilon()) / 2;
 }
 
+template <typename T>
+using Groups = std::vector<ParameterGroup<T>*>;
+
+// Sets every tensor of the groups; `weights` has no others.
+template <typename T>
+void SetWeights(const Json& weights, const Groups<T>& groups) {
+  std::size_t tensors = 0;
+  for (ParameterGroup<T>* group : groups) {
+    for (const Tensor& tensor : group->tensors()) {
+      SetTensor(weights.at(tensor.name), tensor, group->values());
+      ++tensors;
+    }
+  }
+  EXPECT_EQ(tensors, weights.size());
+}
+
+// Gradients against those of one update, `out`; in full where it is the last.
+template <typename T>
+void CompareGradients(const std::string& title, const Groups<T>& groups, const Json& out,
+                      const Json* last, Comparison* comparison) {
+  for (const ParameterGroup<T>* group : groups) {
+    for (const Tensor& tensor : group->tensors()) {
+      const std::vector<double> gradient = Flat(group->gradient(), tensor);
+      const double norm = out.at("gradient_norms").at(tensor.name);
+      comparison->Number("gradient norms", title + tensor.name, Norm(gradient), norm, norm);
+      if (last == nullptr) continue;
+      comparison->Array("gradients", title + tensor.name, gradient, Flat(last->at(tensor.name)));
+    }
+  }
+}
+
+// The steps of a group's tensors, or of a copy of them at `base`, over all updates.
+template <typename T>
+void CompareSteps(const std::string& kind, const ParameterGroup<T>& group, const T* base,
+                  const Json& start, const Json& golden_norms, std::size_t updates,
+                  Comparison* comparison) {
+  for (const Tensor& tensor : group.tensors()) {
+    comparison->Step(kind, tensor.name, Flat(base, tensor), Flat(start.at(tensor.name)),
+                     golden_norms.at(tensor.name), static_cast<double>(updates) * RoundingOf<T>());
+  }
+}
+
 inline std::vector<float> Draws(std::uint64_t update_seed, std::uint64_t stream, Index count) {
   std::vector<float> draws(static_cast<std::size_t>(count));
   FillNormal(DeriveSeed(update_seed, stream), draws.data(), count);
@@ -193,6 +259,46 @@ struct GoldenBatch {
   std::vector<float> observations, actions, rewards, discounts;
   std::vector<std::uint8_t> is_first;
 };
+
+// Calls compare(title, in, out, last, batch) for each update; `last` holds the golden gradients
+// of the last update and is null before it.
+template <typename Compare>
+void ForEachUpdate(const Json& input, const Json& golden, const Compare& compare) {
+  const std::size_t updates = input.at("updates").size();
+  ASSERT_EQ(golden.at("updates").size(), updates);
+  for (std::size_t k = 0; k < updates; ++k) {
+    const Json& in = input.at("updates")[k];
+    const GoldenBatch batch(in, input.at("observation_size"), input.at("action_size"));
+    compare("update " + std::to_string(k + 1) + " ", in, golden.at("updates")[k],
+            k + 1 < updates ? nullptr : &golden.at("gradients"), batch);
+    if (testing::Test::HasFatalFailure()) return;
+  }
+}
+
+// The draws of one update that the data call `name`.
+struct Noise {
+  const char* name;
+  std::uint64_t stream;
+  Index count;
+};
+
+// The largest difference of this machine's draws from the golden ones. The draws are
+// made in float, and instruction sets round them differently.
+template <typename NoisesOf>
+double DrawResidual(const Json& input, const NoisesOf& noises_of) {
+  double worst = 0;
+  for (const Json& update : input.at("updates")) {
+    for (const Noise& noise : noises_of(update)) {
+      const std::vector<double> golden = Flat(update.at(noise.name));
+      const std::vector<float> draws = Draws(update.at("seed"), noise.stream, noise.count);
+      EXPECT_EQ(golden.size(), draws.size()) << noise.name;
+      for (std::size_t i = 0; i < std::min(golden.size(), draws.size()); ++i) {
+        worst = std::max(worst, std::abs(golden[i] - static_cast<double>(draws[i])));
+      }
+    }
+  }
+  return worst;
+}
 
 // Every declared value of a preset by its public name, with the changes; without those that
 // `neutral` names: what an update in full precision does not depend on.
@@ -256,6 +362,22 @@ Json Exported(const Learner& learner) {
   const Status status = learner.Export(&sink);
   if (!status.ok()) throw std::runtime_error(status.message);
   return sink.tensors;
+}
+
+// Calls write(FOLDER, NAME) for every case; what a writer's main returns.
+template <typename Write>
+int WriteEveryCase(const char* program, int argc, char** argv, const Write& write) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: %s FOLDER\n", program);
+    return 2;
+  }
+  try {
+    for (const char* name : kGoldenCases) write(argv[1], name);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", program, error.what());
+    return 1;
+  }
+  return 0;
 }
 
 // Draws with some terminal states and, in every other sequence, an episode's start.

@@ -28,15 +28,13 @@
 #include "plugins/networks/matrix.h"
 #include "tests/plugins/networks/batches.h"
 #include "tests/plugins/networks/malloc_counter.h"
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch {
 
 using networks::Index;
 
-struct Destroyer {
-  void operator()(Model* model) const { model->Destroy(); }
-};
-using ModelPointer = std::unique_ptr<Model, Destroyer>;
+using ModelPointer = Owned<Model>;
 
 template <typename Case>
 ModelPointer Make(const typename Case::Settings& settings, std::uint64_t seed = 1, Index o = 2,
@@ -100,6 +98,34 @@ class LatentArray {
   std::uint64_t rows_, cols_;
   std::vector<float> floats_;
 };
+
+// `saved` is of another model: Load refuses it and says why.
+inline void ExpectOtherModel(Model* model, Bytes saved, const std::string& why) {
+  const Status status = model->Load(&saved);
+  EXPECT_EQ(status.code, StatusCode::kDataLoss);
+  EXPECT_NE(std::string(status.message).find(why), std::string::npos) << status.message;
+}
+
+// The latent in which the point on the line of PointBatch stands at x.
+inline LatentArray ObservedPoint(Model* model, double x) {
+  LatentArray previous(*model, 1), latent(*model, 1);
+  EXPECT_TRUE(model->InitialLatent(previous).ok());
+  const double observation[] = {x, x * x}, action[] = {0};
+  const std::uint64_t seed = 0;
+  EXPECT_TRUE(
+      model->Observe({previous, {action, 1, 1}, {observation, 1, 2}, {}, {&seed, 1}}, latent).ok());
+  return latent;
+}
+
+// The actor has come to prefer the way to the reward: from x = 0.5 it pushes left, from -0.5
+// right.
+inline void ExpectActorPushesToTheOrigin(Model* model) {
+  double left = 0, right = 0;
+  EXPECT_TRUE(model->ProposeMode(ObservedPoint(model, 0.5), {&left, 1, 1}).ok());
+  EXPECT_TRUE(model->ProposeMode(ObservedPoint(model, -0.5), {&right, 1, 1}).ok());
+  EXPECT_LT(left, -0.3);
+  EXPECT_GT(right, 0.3);
+}
 
 // Everything a planner can ask, at n copies of a latent reached by one observation.
 struct Answers {
@@ -285,6 +311,14 @@ TYPED_TEST_P(ModelPromises, LoadedContinuesAsTheSavedWouldHave) {
     EXPECT_EQ(SavedBytes(*a), SavedBytes(*b));
     EXPECT_EQ(Ask(a.get(), 2, 5), Ask(b.get(), 2, 5));
   }
+}
+
+TYPED_TEST_P(ModelPromises, LoadRefusesMissingBytes) {
+  const ModelPointer model = Make<TypeParam>(TypeParam::Small("fast"));
+  Bytes saved;
+  ASSERT_TRUE(model->Save(&saved).ok());
+  saved.bytes.pop_back();
+  EXPECT_EQ(model->Load(&saved).code, StatusCode::kDataLoss);
 }
 
 // The law of rows in model.h: a planner would break ties by rounding, and an episode would
@@ -489,7 +523,7 @@ TYPED_TEST_P(ModelPromises, RefusesWrongSizes) {
 REGISTER_TYPED_TEST_SUITE_P(ModelPromises, EqualSeedsGiveEqualBits,
                             AnyNumberOfThreadsGivesEqualBits,
                             ThreadsThatComeAndGoBetweenUpdatesLeaveTheBitsOfOne,
-                            LoadedContinuesAsTheSavedWouldHave,
+                            LoadedContinuesAsTheSavedWouldHave, LoadRefusesMissingBytes,
                             ARowHasTheSameAnswerWhateverStandsBesideIt,
                             InitialLatentIsZeroAndPaddingStaysZero, AllocatesNothingAfterWarmUp,
                             RefusesNanInABatchAndStaysAsItWas, FindsNanInItsOwnLatents,

@@ -10,18 +10,16 @@ names, shapes and the order of the draws.
 
 Columns of sequences are [T, B], of dreams [H, K]: time first. A state is [z, h].
 """
-import json
 import math
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import torch
 from torch.distributions import Independent, Normal, kl_divergence
 from torch.nn import functional as F
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "networks"))
-from golden_tools import plain, text  # noqa: E402
+from golden_tools import GoldenAgent, remake  # noqa: E402
 
 torch.set_default_dtype(torch.float64)
 torch.set_num_threads(1)
@@ -139,17 +137,11 @@ def lambda_returns(s, rewards, discounts, values):
     return torch.stack(returns)
 
 
-class Agent:
+class Agent(GoldenAgent):
     def __init__(self, data):
-        values = dict(data["settings"])
-        if set(values) != SETTINGS:
-            raise SystemExit(f"settings that golden.py does not know: "
-                             f"{sorted(set(values) - SETTINGS)}; that are missing: "
-                             f"{sorted(SETTINGS - set(values))}")
-        values["lambda_mix"] = values.pop("lambda")
-        self.s = s = SimpleNamespace(**values)
-        self.o, self.a = data["observation_size"], data["action_size"]
-        self.weights = {n: torch.tensor(v, requires_grad=True) for n, v in data["weights"].items()}
+        super().__init__(data, SETTINGS)
+        s = self.s
+        s.lambda_mix = getattr(s, "lambda")
         self.slow = {n: torch.tensor(v) for n, v in data["slow"].items()}
         self.nets = Networks(s, self.weights)
         self.groups = {
@@ -163,18 +155,6 @@ class Agent:
                                     betas=(s.adam_beta1, s.adam_beta2), eps=s.adam_epsilon)
             for group, names in self.groups.items()
         }
-        self.seen = []  # raw observations of all batches
-        self.range = None  # moving average of the returns' 5 to 95 percent range
-
-    def standardise(self, raw):
-        """By mean and variance over all training batches, this one among them."""
-        s = self.s
-        self.seen.append(raw.reshape(-1, self.o))
-        if not s.normalise_observations:
-            return raw
-        seen = torch.cat(self.seen)
-        deviation = seen.var(0, unbiased=False).sqrt().clamp(min=s.observation_floor)
-        return ((raw - seen.mean(0)) / deviation).clamp(-s.observation_clip, s.observation_clip)
 
     def fit(self, update, report):
         s, nets = self.s, self.nets
@@ -273,10 +253,7 @@ class Agent:
         value = (weights * 0.5 * (error ** 2 + s.slow_critic_weight * drift ** 2)).mean()
 
         if s.return_scale == "percentile":
-            flat = returns.detach().flatten()
-            width = float(torch.quantile(flat, 0.95) - torch.quantile(flat, 0.05))
-            old = width if self.range is None else self.range
-            self.range = old + s.return_scale_rate * (width - old)
+            self.follow_range(returns.detach().flatten())
         report["losses"].update(actor_loss=actor, value_loss=value,
                                 imagined_return=returns[0].mean(), value_mean=values.mean(),
                                 actor_entropy=entropy.mean(),
@@ -297,46 +274,12 @@ class Agent:
         report = {"losses": {}}
         posterior, model = self.fit(update, report)
         actor, value = self.dream(update, posterior, report)
-        gradients = {}
-        for group, loss in (("model", model), ("actor", actor), ("value", value)):
-            names = self.groups[group]
-            found = torch.autograd.grad(loss, [self.weights[n] for n in names], retain_graph=True)
-            gradients.update(zip(names, found))
-            norm = float(torch.cat([g.flatten() for g in found]).norm())
-            report["losses"][group + "_gradient_norm"] = norm
-            report["covers"][group + " clipped"] = norm > s.gradient_clip
-            for name, gradient in zip(names, found):
-                self.weights[name].grad = gradient * min(1.0, s.gradient_clip / norm)
-        report["gradient_norms"] = {n: g.norm() for n, g in gradients.items()}
-        # All three at once: every gradient above belongs to the same weights.
-        for optimiser in self.optimisers.values():
-            optimiser.step()
+        gradients = self.descend({"model": model, "actor": actor, "value": value}, report)
         if s.slow_critic_weight > 0:
             for name, slow in self.slow.items():
                 slow += s.slow_critic_rate * (self.weights[name].detach() - slow)
         return report, gradients
 
 
-def main(folder):
-    for path in sorted(folder.glob("*_input.json")):
-        data = json.loads(path.read_text())
-        agent = Agent(data)
-        before = {n: w.detach().clone() for n, w in agent.weights.items()}
-        slow_before = {n: w.clone() for n, w in agent.slow.items()}
-        output = {"updates": []}
-        for number, update in enumerate(data["updates"], 1):
-            report, gradients = agent.update(update)
-            print(path.name, "update", number, report.pop("covers"))
-            output["updates"].append(report)
-        output["gradients"] = gradients  # of the last update, before clipping
-        output["step_norms"] = {n: (w - before[n]).norm() for n, w in agent.weights.items()}
-        output["slow_step_norms"] = {n: (w - slow_before[n]).norm()
-                                     for n, w in agent.slow.items()}
-        target = path.with_name(path.name.replace("_input", "_output"))
-        target.write_text(text(plain(output)) + "\n")
-
-
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        raise SystemExit("usage: golden.py FOLDER")
-    main(Path(sys.argv[1]))
+    remake(Agent, "slow")

@@ -1,8 +1,4 @@
 // golden_data.h - what the golden test and the writer of its input share.
-//
-// A case is a preset with small sizes and a few settings changed. NAME_input.json
-// holds it in full: settings by their public names, weights as the model exports
-// them, batches, draws and starts. NAME_output.json holds what golden.py made of it.
 #pragma once
 
 #include <vector>
@@ -11,8 +7,6 @@
 #include "tests/plugins/networks/golden_tools.h"
 
 namespace dreamsearch::dreamer {
-
-inline constexpr const char* kGoldenCases[] = {"paper", "fast", "lanes"};
 
 // The streams of an update's seed that learner.cc draws its noise from.
 inline constexpr std::uint64_t kPosteriorStream = 1;

@@ -3,15 +3,6 @@
 // *_input.json to what golden.py made of them in double (*_output.json); README.md remakes the
 // data. The last gradient is compared in full; a third stands on two steps of Adam, the slow critic
 // and both moving averages.
-//
-// Measure: a number differs relative to its golden value, an array by the norm of
-// the difference relative to the golden array's norm; a gradient is one array a tensor.
-// A mean of terms of either sign, which may nearly cancel, differs relative to the
-// mean of their sizes.
-// Tolerances: 1e-5 in float, some tens of roundings of 2^-24; 1e-9 in double, of
-// which 5e-12 is the data's 12 digits. A step, the change of a tensor over all
-// updates, is seen through the parameter, so each update may add half an ulp of it.
-// DREAMSEARCH_SHOW_RESIDUALS=1 prints the largest residuals.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,6 +14,8 @@
 
 namespace dreamsearch::dreamer {
 namespace {
+
+Json Read(const std::string& name) { return ReadJson("model_dreamer/golden", name); }
 
 // A dream's returns, tau-major in each block of starts, tau-major over all of them.
 template <typename T>
@@ -72,121 +65,82 @@ void CompareLosses(const std::string& update, const UpdateLosses& found, const J
 
 template <typename T>
 void CompareUpdates(const std::string& name, double tolerance) {
-  const Json input = ReadJson("model_dreamer/golden", name + "_input.json");
-  const Json golden = ReadJson("model_dreamer/golden", name + "_output.json");
-  const Index o = input.at("observation_size"), a = input.at("action_size");
-  Learner<T> learner(SettingsFromJson(input.at("settings")), o, a, 1);
-  ParameterGroup<T>* const groups[] = {&learner.world().group(), &learner.behaviour().actor(),
-                                       &learner.behaviour().value()};
-  std::size_t tensors = 0;
-  for (ParameterGroup<T>* group : groups) {
-    for (const Tensor& tensor : group->tensors()) {
-      SetTensor(input.at("weights").at(tensor.name), tensor, group->values());
-      ++tensors;
-    }
-  }
-  EXPECT_EQ(tensors, input.at("weights").size());
-  const ParameterGroup<T>& value = learner.behaviour().value();
+  const Json input = Read(name + "_input.json");
+  const Json golden = Read(name + "_output.json");
+  Learner<T> learner(SettingsFromJson(input.at("settings")), input.at("observation_size"),
+                     input.at("action_size"), 1);
+  Behaviour<T>& behaviour = learner.behaviour();
+  const networks::Groups<T> groups = {&learner.world().group(), &behaviour.actor(),
+                                      &behaviour.value()};
+  networks::SetWeights(input.at("weights"), groups);
+  const ParameterGroup<T>& value = behaviour.value();
   for (const Tensor& tensor : value.tensors()) {
-    SetTensor(input.at("slow").at(tensor.name), tensor, learner.behaviour().slow().data());
+    SetTensor(input.at("slow").at(tensor.name), tensor, behaviour.slow().data());
   }
   learner.PackWeights();
 
   Comparison comparison(tolerance);
-  const std::size_t updates = input.at("updates").size();
-  ASSERT_EQ(golden.at("updates").size(), updates);
-  for (std::size_t k = 0; k < updates; ++k) {
-    const Json& in = input.at("updates")[k];
-    const Json& out = golden.at("updates")[k];
-    const std::string title = "update " + std::to_string(k + 1) + " ";
-    const GoldenBatch batch(in, static_cast<std::uint64_t>(o), static_cast<std::uint64_t>(a));
-    Status status = learner.Read(batch.view(), in.at("seed"));
-    ASSERT_TRUE(status.ok()) << status.message;
-    UpdateLosses losses;
-    learner.Gradients(&losses);
+  std::size_t updates = 0;
+  ForEachUpdate(
+      input, golden,
+      [&](const std::string& title, const Json& in, const Json& out, const Json* last,
+          const GoldenBatch& batch) {
+        Status status = learner.Read(batch.view(), in.at("seed"));
+        ASSERT_TRUE(status.ok()) << status.message;
+        UpdateLosses losses;
+        learner.Gradients(&losses);
 
-    comparison.Array("forward", title + "posterior states", Flat(learner.world().states()),
-                     Flat(out.at("posterior_states")));
-    const auto starts = static_cast<Index>(in.at("starts").size());
-    if (starts <= kStartsPerBlock) {
-      const DreamStops<T> dream = learner.behaviour().Stops();
-      comparison.Array("forward", title + "dream states",
-                       {dream.states.begin(), dream.states.end()}, Flat(out.at("dream_states")));
-      comparison.Array("forward", title + "dream weights",
-                       {dream.weights.begin(), dream.weights.end()}, Flat(out.at("dream_weights")));
-    }
-    comparison.Array("forward", title + "returns",
-                     TauMajor(learner.behaviour().returns(), starts, learner.settings().horizon),
-                     Flat(out.at("returns")));
-    CompareLosses(title, losses, out, &comparison);
-    for (const ParameterGroup<T>* group : groups) {
-      for (const Tensor& tensor : group->tensors()) {
-        const std::vector<double> gradient = Flat(group->gradient(), tensor);
-        const double norm = out.at("gradient_norms").at(tensor.name);
-        comparison.Number("gradient norms", title + tensor.name, Norm(gradient), norm, norm);
-        if (k + 1 < updates) continue;
-        comparison.Array("gradients", title + tensor.name, gradient,
-                         Flat(golden.at("gradients").at(tensor.name)));
-      }
-    }
-    status = learner.CheckFinite(losses, k);
-    ASSERT_TRUE(status.ok()) << status.message;
-    learner.Apply(losses);
-  }
+        comparison.Array("forward", title + "posterior states", Flat(learner.world().states()),
+                         Flat(out.at("posterior_states")));
+        const auto starts = static_cast<Index>(in.at("starts").size());
+        if (starts <= kStartsPerBlock) {
+          const DreamStops<T> dream = behaviour.Stops();
+          comparison.Array("forward", title + "dream states",
+                           {dream.states.begin(), dream.states.end()},
+                           Flat(out.at("dream_states")));
+          comparison.Array("forward", title + "dream weights",
+                           {dream.weights.begin(), dream.weights.end()},
+                           Flat(out.at("dream_weights")));
+        }
+        comparison.Array("forward", title + "returns",
+                         TauMajor(behaviour.returns(), starts, learner.settings().horizon),
+                         Flat(out.at("returns")));
+        CompareLosses(title, losses, out, &comparison);
+        CompareGradients(title, groups, out, last, &comparison);
+        status = learner.CheckFinite(losses, updates);
+        ASSERT_TRUE(status.ok()) << status.message;
+        learner.Apply(losses);
+        ++updates;
+      });
 
-  const auto compare_step = [&](const std::string& kind, const Tensor& tensor, const T* base,
-                                const Json& start, double golden_norm) {
-    comparison.Step(kind, tensor.name, Flat(base, tensor), Flat(start), golden_norm,
-                    static_cast<double>(updates) * RoundingOf<T>());
-  };
   for (const ParameterGroup<T>* group : groups) {
-    for (const Tensor& tensor : group->tensors()) {
-      compare_step("step norms", tensor, group->values(), input.at("weights").at(tensor.name),
-                   golden.at("step_norms").at(tensor.name));
-    }
+    CompareSteps<T>("step norms", *group, group->values(), input.at("weights"),
+                    golden.at("step_norms"), updates, &comparison);
   }
-  for (const Tensor& tensor : value.tensors()) {
-    compare_step("slow step norms", tensor, learner.behaviour().slow().data(),
-                 input.at("slow").at(tensor.name), golden.at("slow_step_norms").at(tensor.name));
-  }
+  CompareSteps<T>("slow step norms", value, behaviour.slow().data(), input.at("slow"),
+                  golden.at("slow_step_norms"), updates, &comparison);
   comparison.Show(name + (sizeof(T) == sizeof(float) ? ", float" : ", double"));
   EXPECT_GT(comparison.compared(), 100 * static_cast<int>(updates));
 }
 
-class Golden : public testing::TestWithParam<const char*> {};
-
-// The largest difference of this machine's draws from the golden ones. The draws are
-// made in float, and instruction sets round them differently.
 double DrawResidual(const Json& input) {
   const Settings settings = SettingsFromJson(input.at("settings"));
   const Index a = input.at("action_size");
-  double worst = 0;
-  for (const Json& update : input.at("updates")) {
+  return networks::DrawResidual(input, [&](const Json& update) {
     const auto dreams = static_cast<Index>(update.at("starts").size()) * settings.horizon;
     const Index columns = update.at("sequences").get<Index>() * update.at("length").get<Index>();
-    const struct {
-      const char* name;
-      std::uint64_t stream;
-      Index count;
-    } noises[] = {{"posterior_noise", kPosteriorStream, settings.stochastic * columns},
-                  {"latent_noise", kLatentStream, settings.stochastic * dreams},
-                  {"action_noise", kActionStream, a * dreams}};
-    for (const auto& noise : noises) {
-      const std::vector<double> golden = Flat(update.at(noise.name));
-      const std::vector<float> draws = Draws(update.at("seed"), noise.stream, noise.count);
-      EXPECT_EQ(golden.size(), draws.size()) << noise.name;
-      for (std::size_t i = 0; i < std::min(golden.size(), draws.size()); ++i) {
-        worst = std::max(worst, std::abs(golden[i] - static_cast<double>(draws[i])));
-      }
-    }
-  }
-  return worst;
+    return std::vector<networks::Noise>{
+        {"posterior_noise", kPosteriorStream, settings.stochastic * columns},
+        {"latent_noise", kLatentStream, settings.stochastic * dreams},
+        {"action_noise", kActionStream, a * dreams}};
+  });
 }
+
+class Golden : public testing::TestWithParam<const char*> {};
 
 // Six ulp of a draw between 4 and 8.
 TEST_P(Golden, DrawsAreTheLearners) {
-  EXPECT_LT(DrawResidual(ReadJson("model_dreamer/golden", std::string(GetParam()) + "_input.json")),
-            3e-6);
+  EXPECT_LT(DrawResidual(Read(std::string(GetParam()) + "_input.json")), 3e-6);
 }
 
 TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
@@ -195,8 +149,7 @@ TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
 
 // Where the draws differ by a rounding, ten times that is allowed on top.
 TEST_P(Golden, UpdatesInDoubleAgreeWithTorchToOneInABillion) {
-  const double draws =
-      DrawResidual(ReadJson("model_dreamer/golden", std::string(GetParam()) + "_input.json"));
+  const double draws = DrawResidual(Read(std::string(GetParam()) + "_input.json"));
   CompareUpdates<double>(GetParam(), 1e-9 + 10 * draws);
 }
 

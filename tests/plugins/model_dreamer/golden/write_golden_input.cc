@@ -18,27 +18,17 @@
 namespace dreamsearch::dreamer {
 namespace {
 
-constexpr Index kObservationSize = 3;
-constexpr Index kActionSize = 2;
+constexpr std::uint64_t kLength = 5;
 
-// What a case changes in its preset: sizes that are no multiple of a vector lane,
-// and figures that make every part of a loss count.
-struct Case {
-  const char* preset;
-  Json changes;
-  std::uint64_t sequences = 3;
-  std::uint64_t length = 5;
-  std::uint64_t updates = 3;  // the third sees both moving averages move
-};
-
-Case CaseOf(const std::string& name) {
+GoldenCase CaseOf(const std::string& name) {
   if (name == "paper") {
     return {"paper",
             {{"deterministic", 6},
              {"stochastic", 4},
              {"hidden", 10},
              {"horizon", 4},
-             {"free_nats", 0.3}}};
+             {"free_nats", 0.3}},
+            kLength};
   }
   // 225 starts: lanes of one and of two blocks, and a block of one start.
   if (name == "lanes") {
@@ -81,14 +71,15 @@ Case CaseOf(const std::string& name) {
            {"return_scale_rate", 0.3},
            {"slow_critic_weight", 0.7},
            {"slow_critic_rate", 0.2},
-           {"gradient_clip", 8}}};
+           {"gradient_clip", 8}},
+          kLength};
 }
 
 // The weights are given.
 const std::vector<std::string> kNeutral = {"zero_heads", "acting_latent", "imagined_latent",
                                            "precision", "planning_precision"};
 
-Json ResolvedSettings(const Case& golden) {
+Json ResolvedSettings(const GoldenCase& golden) {
   return networks::ResolvedSettings(DeclaredParameters(), golden.preset, kNeutral, golden.changes);
 }
 
@@ -120,7 +111,7 @@ Json Starts(const Learner<double>& learner) {
 
 void Write(const std::string& folder, const std::string& name) {
   Json json = {{"observation_size", kObservationSize}, {"action_size", kActionSize}};
-  const Case golden = CaseOf(name);
+  const GoldenCase golden = CaseOf(name);
   json["settings"] = ResolvedSettings(golden);
   const Settings settings = SettingsFromJson(json["settings"]);
   Learner<double> learner(settings, kObservationSize, kActionSize, 1);
@@ -161,7 +152,7 @@ void WritePreset(const char* preset, Index observation_size, Index action_size,
     throw std::runtime_error("expected the preset fast or paper, found " + std::string(preset));
   }
   Json json = {{"observation_size", observation_size}, {"action_size", action_size}};
-  json["settings"] = ResolvedSettings({preset, Json::object()});
+  json["settings"] = ResolvedSettings({preset, Json::object(), kLength});
   Learner<double> learner(SettingsFromJson(json["settings"]), observation_size, action_size, 1);
   json["weights"] = Exported(learner);
   for (const Tensor& tensor : learner.behaviour().value().tensors()) {
@@ -174,21 +165,12 @@ void WritePreset(const char* preset, Index observation_size, Index action_size,
 }  // namespace dreamsearch::dreamer
 
 int main(int argc, char** argv) {
-  const bool preset = argc == 6 && std::string(argv[1]) == "--preset";
-  if (argc != 2 && !preset) {
-    std::fprintf(stderr,
-                 "usage: write_golden_input FOLDER\n"
-                 "       write_golden_input --preset PRESET OBSERVATIONS ACTIONS FILE\n");
-    return 2;
+  if (argc != 6 || std::string(argv[1]) != "--preset") {
+    return dreamsearch::networks::WriteEveryCase("write_golden_input", argc, argv,
+                                                 dreamsearch::dreamer::Write);
   }
   try {
-    if (preset) {
-      dreamsearch::dreamer::WritePreset(argv[2], std::stol(argv[3]), std::stol(argv[4]), argv[5]);
-      return 0;
-    }
-    for (const char* name : dreamsearch::dreamer::kGoldenCases) {
-      dreamsearch::dreamer::Write(argv[1], name);
-    }
+    dreamsearch::dreamer::WritePreset(argv[2], std::stol(argv[3]), std::stol(argv[4]), argv[5]);
   } catch (const std::exception& e) {
     std::fprintf(stderr, "write_golden_input: %s\n", e.what());
     return 1;

@@ -10,10 +10,8 @@ names, shapes and the order of the draws.
 
 Sequences are [T, B]: time first.
 """
-import json
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import torch
 from torch.distributions import Normal
@@ -21,7 +19,7 @@ from torch.distributions.transforms import TanhTransform
 from torch.nn import functional as F
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "networks"))
-from golden_tools import plain, text  # noqa: E402
+from golden_tools import GoldenAgent, remake  # noqa: E402
 
 torch.set_default_dtype(torch.float64)
 torch.set_num_threads(1)
@@ -104,16 +102,10 @@ class Networks:
         return -(two_hot * F.log_softmax(logits, -1)).sum(-1)
 
 
-class Agent:
+class Agent(GoldenAgent):
     def __init__(self, data):
-        values = dict(data["settings"])
-        if set(values) != SETTINGS:
-            raise SystemExit(f"settings that golden.py does not know: "
-                             f"{sorted(set(values) - SETTINGS)}; that are missing: "
-                             f"{sorted(SETTINGS - set(values))}")
-        self.s = s = SimpleNamespace(**values)
-        self.o, self.a = data["observation_size"], data["action_size"]
-        self.weights = {n: torch.tensor(v, requires_grad=True) for n, v in data["weights"].items()}
+        super().__init__(data, SETTINGS)
+        s = self.s
         self.target = {n: torch.tensor(v) for n, v in data["target"].items()}
         self.nets, self.slow = Networks(s, self.weights), Networks(s, self.target)
         actor = [n for n in self.weights if n.startswith("actor.")]
@@ -129,19 +121,7 @@ class Agent:
             "actor": torch.optim.Adam([self.weights[n] for n in actor],
                                       lr=s.actor_learning_rate, eps=s.actor_adam_epsilon),
         }
-        self.seen = []  # raw observations of all batches
         self.ends_seen = False
-        self.range = None  # moving average of the values' 5 to 95 percent range
-
-    def standardise(self, raw):
-        """By mean and variance over all training batches, this one among them."""
-        s = self.s
-        self.seen.append(raw.reshape(-1, self.o))
-        if not s.normalise_observations:
-            return raw
-        seen = torch.cat(self.seen)
-        deviation = seen.var(0, unbiased=False).sqrt().clamp(min=s.observation_floor)
-        return ((raw - seen.mean(0)) / deviation).clamp(-s.observation_clip, s.observation_clip)
 
     def model_loss(self, update, report):
         s, nets = self.s, self.nets
@@ -224,10 +204,7 @@ class Agent:
             return (self.inside * numbers).sum() / self.inside.sum()
 
         gains = rho * (values / scale + s.entropy_scale * self.a * entropy)
-        first = values[0].detach()
-        width = float(torch.quantile(first, 0.95) - torch.quantile(first, 0.05))
-        old = width if self.range is None else self.range
-        self.range = old + s.return_scale_rate * (width - old)
+        self.follow_range(values[0].detach())
         report["losses"].update(actor_loss=-mean(gains), value_mean=mean(values),
                                 actor_entropy=mean(entropy),
                                 actor_std=mean(policy.stddev.mean(-1)))
@@ -243,48 +220,11 @@ class Agent:
         report = {}
         latents, model = self.model_loss(update, report)
         actor = self.actor_loss(update, latents, report)
-        gradients = {}
-        for group, loss in (("model", model), ("actor", actor)):
-            names = self.groups[group]
-            found = torch.autograd.grad(loss, [self.weights[n] for n in names], retain_graph=True,
-                                        allow_unused=True)
-            found = [torch.zeros_like(self.weights[n]) if g is None else g
-                     for n, g in zip(names, found)]
-            gradients.update(zip(names, found))
-            norm = float(torch.cat([g.flatten() for g in found]).norm())
-            report["losses"][group + "_gradient_norm"] = norm
-            report["covers"][group + " clipped"] = norm > s.gradient_clip
-            for name, gradient in zip(names, found):
-                self.weights[name].grad = gradient * min(1.0, s.gradient_clip / norm)
-        report["gradient_norms"] = {n: g.norm() for n, g in gradients.items()}
-        # Both at once: every gradient above belongs to the same weights.
-        for optimiser in self.optimisers.values():
-            optimiser.step()
+        gradients = self.descend({"model": model, "actor": actor}, report)
         for name, slow in self.target.items():
             slow += s.target_rate * (self.weights[name].detach() - slow)
         return report, gradients
 
 
-def main(folder):
-    for path in sorted(folder.glob("*_input.json")):
-        data = json.loads(path.read_text())
-        agent = Agent(data)
-        before = {n: w.detach().clone() for n, w in agent.weights.items()}
-        target_before = {n: w.clone() for n, w in agent.target.items()}
-        output = {"updates": []}
-        for number, update in enumerate(data["updates"], 1):
-            report, gradients = agent.update(update)
-            print(path.name, "update", number, report.pop("covers"))
-            output["updates"].append(report)
-        output["gradients"] = gradients  # of the last update, before clipping
-        output["step_norms"] = {n: (w - before[n]).norm() for n, w in agent.weights.items()}
-        output["target_step_norms"] = {n: (w - target_before[n]).norm()
-                                       for n, w in agent.target.items()}
-        target = path.with_name(path.name.replace("_input", "_output"))
-        target.write_text(text(plain(output)) + "\n")
-
-
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        raise SystemExit("usage: golden.py FOLDER")
-    main(Path(sys.argv[1]))
+    remake(Agent, "target")

@@ -8,8 +8,6 @@
 
 namespace dreamsearch::tdmpc {
 
-inline constexpr const char* kGoldenCases[] = {"paper", "fast", "lanes"};
-
 // The streams of an update's seed that learner.cc draws its noise from.
 inline constexpr std::uint64_t kTargetStream = 1;
 inline constexpr std::uint64_t kActorStream = 2;

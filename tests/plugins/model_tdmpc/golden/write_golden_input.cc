@@ -12,34 +12,23 @@
 namespace dreamsearch::tdmpc {
 namespace {
 
-constexpr Index kObservationSize = 3;
-constexpr Index kActionSize = 2;
+constexpr std::uint64_t kLength = 4;
 
 // The weights are given.
 const std::vector<std::string> kNeutral = {"precision", "planning_precision"};
 
-// What a case changes in its preset: sizes that are no multiple of a vector lane,
-// and figures that make every part of a loss count.
-struct Case {
-  const char* preset;
-  Json changes;
-  std::uint64_t sequences = 3;
-  std::uint64_t length = 4;
-  std::uint64_t updates = 3;  // the third sees every moving average move
-};
-
-Case CaseOf(const std::string& name) {
+GoldenCase CaseOf(const std::string& name) {
   const Json small = {{"simplices", 1}, {"encoder_width", 5}, {"width", 6}, {"bins", 21}};
   if (name == "paper") {
     Json changes = small;
     changes.update({{"simplices", 2}, {"critics", 3}, {"bins", 31}, {"entropy_scale", 0.01}});
-    return {"paper", changes};
+    return {"paper", changes, kLength};
   }
   // 35 sequences: three lanes of different sizes.
   if (name == "lanes") {
     Json changes = small;
     changes.update({{"layers", 1}});
-    return {"fast", changes, 35, 3, 1};
+    return {"fast", changes, 3, 35, 1};
   }
   Json changes = small;
   changes.update({{"encoder_layers", 2},
@@ -61,12 +50,12 @@ Case CaseOf(const std::string& name) {
                   {"entropy_scale", 0.05},
                   {"return_scale_rate", 0.3},
                   {"gradient_clip", 0.5}});
-  return {"fast", changes};
+  return {"fast", changes, kLength};
 }
 
 void Write(const std::string& folder, const std::string& name) {
   Json json = {{"observation_size", kObservationSize}, {"action_size", kActionSize}};
-  const Case golden = CaseOf(name);
+  const GoldenCase golden = CaseOf(name);
   json["settings"] =
       ResolvedSettings(DeclaredParameters(), golden.preset, kNeutral, golden.changes);
   const Settings settings = SettingsFromJson(json["settings"]);
@@ -110,17 +99,6 @@ void Write(const std::string& folder, const std::string& name) {
 }  // namespace dreamsearch::tdmpc
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    std::fprintf(stderr, "usage: write_tdmpc_golden_input FOLDER\n");
-    return 2;
-  }
-  try {
-    for (const char* name : dreamsearch::tdmpc::kGoldenCases) {
-      dreamsearch::tdmpc::Write(argv[1], name);
-    }
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "write_tdmpc_golden_input: %s\n", e.what());
-    return 1;
-  }
-  return 0;
+  return dreamsearch::networks::WriteEveryCase("write_tdmpc_golden_input", argc, argv,
+                                               dreamsearch::tdmpc::Write);
 }
