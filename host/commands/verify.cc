@@ -1,6 +1,4 @@
 // runner verify RUN - does a run give the same results again?
-#include <stdlib.h>
-
 #include <iostream>
 
 #include "host/commands/commands.h"
@@ -12,32 +10,11 @@
 #include "host/training/provenance.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
+#include "results/system/temporary_folder.h"
 #include "results/upkeep/verification.h"
 
 namespace dreamsearch {
 namespace {
-
-// A folder that is gone when this is.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "dreamsearch_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw Failure(ExitCode::kCannotCreate, "cannot create the folder " + name);
-    }
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 struct Verify {
   std::string what;
@@ -103,7 +80,7 @@ int Verify::Run() {
   if (spec.evaluation) spec.evaluation->parent_run_id = 0;
   const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
   const TemporaryFolder folder;
-  const auto repeated = results::Database::OpenOrCreate((folder.path() / "verify.db").string());
+  const auto repeated = results::Database::OpenOrCreate(folder / "verify.db");
   PlannedRun planned;
   planned.spec = spec;
   std::vector<SweepJob> jobs =

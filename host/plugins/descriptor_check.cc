@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "results/system/error.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -89,11 +90,6 @@ class Checker {
   }
   static std::string SdkVersion(std::uint32_t major, std::uint32_t minor) {
     return std::to_string(major) + "." + std::to_string(minor);
-  }
-  static std::string Number(double value) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.17g", value);
-    return text;
   }
   static std::vector<std::string> AliasList(const ComponentDescriptor& component) {
     return Split(component.aliases);
@@ -305,16 +301,16 @@ class Checker {
     constexpr double kLargest = 9007199254740992.0;  // 2^53: beyond, a double skips integers
     for (const double bound : {parameter.min, parameter.max}) {
       if (!std::isfinite(bound)) {
-        Refuse(what + ": expected a finite range, found " + Number(bound));
+        Refuse(what + ": expected a finite range, found " + ExactText(bound));
       }
       if (parameter.type == ParameterType::kInt &&
           (bound != std::trunc(bound) || std::abs(bound) > kLargest)) {
-        Refuse(what + ": expected a range of integers up to 2^53, found " + Number(bound));
+        Refuse(what + ": expected a range of integers up to 2^53, found " + ExactText(bound));
       }
     }
     if (parameter.min > parameter.max) {
-      Refuse(what + ": its range is empty, " + Number(parameter.min) + " to " +
-             Number(parameter.max));
+      Refuse(what + ": its range is empty, " + ExactText(parameter.min) + " to " +
+             ExactText(parameter.max));
     }
   }
 
@@ -334,16 +330,16 @@ class Checker {
     }
     if (parameter.type == ParameterType::kBool) {
       if (number != 0 && number != 1) {
-        Refuse(what + ": expected 0 or 1, found " + Number(number));
+        Refuse(what + ": expected 0 or 1, found " + ExactText(number));
       }
       return;
     }
     if (!(number >= parameter.min && number <= parameter.max)) {
-      Refuse(what + ": expected " + Number(parameter.min) + " to " + Number(parameter.max) +
-             ", found " + Number(number));
+      Refuse(what + ": expected " + ExactText(parameter.min) + " to " + ExactText(parameter.max) +
+             ", found " + ExactText(number));
     }
     if (parameter.type == ParameterType::kInt && number != std::trunc(number)) {
-      Refuse(what + ": expected an integer, found " + Number(number));
+      Refuse(what + ": expected an integer, found " + ExactText(number));
     }
   }
 

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "results/system/default_database.h"
+
 namespace dreamsearch {
 
 // One `--set key=value`, and where it was written.
@@ -20,7 +22,7 @@ struct Setting {
 
 // What every command that runs experiments understands.
 struct ProcessOptions {
-  std::filesystem::path db = "results/dreamsearch.db";
+  std::filesystem::path db = kDefaultDatabase;
   std::vector<std::string> plugin_path;
   int jobs = 1;                          // default: the number of cores
   double time_limit_seconds = 0;         // 0: none

@@ -51,7 +51,7 @@ class PythonEnvironment final : public Environment {
   Status Guarded(const char* what, const Call& call) noexcept;
 
   PythonEnvironmentSettings settings_;
-  mutable std::unique_ptr<PythonProcess> process_;
+  std::unique_ptr<PythonProcess> process_;
   EnvironmentSpec spec_;
   std::vector<std::string> names_;
   std::vector<ObservationPart> parts_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -193,9 +192,7 @@ namespace {
 std::string SingleRuns(const std::vector<double>& runs) {
   std::string text;
   for (std::size_t i = 0; i < runs.size() && i < 10; ++i) {
-    char score[32];
-    std::snprintf(score, sizeof score, "%s%.3f", i > 0 ? " " : "", runs[i]);
-    text += score;
+    text += (i > 0 ? " " : "") + FormatNumber("%.3f", runs[i]);
   }
   return text + (runs.size() > 10 ? " ..." : "");
 }

@@ -4,10 +4,9 @@
 #include <string>
 
 #include "results/command_line/values.h"
+#include "results/system/default_database.h"  // IWYU pragma: export
 
 namespace dreamsearch {
-
-inline constexpr char kDefaultDatabase[] = "results/dreamsearch.db";
 
 inline Flag DatabaseFlag(std::string* db) {
   return {"db", "FILE", Text(db), "the results database"};

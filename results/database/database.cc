@@ -350,8 +350,7 @@ void Database::Migrate() {
         " (status = 'running' OR EXISTS (SELECT 1 FROM run WHERE status = 'queued'))"
         " ORDER BY age LIMIT 1");
     if (active.Bind(kAliveSeconds).Step()) {
-      char age[32];
-      std::snprintf(age, sizeof age, "%.0f", std::max(active.Real(1), 0.0));
+      const std::string age = FormatNumber("%.0f", std::max(active.Real(1), 0.0));
       throw Failure(ExitCode::kInputOutput,
                     path() + ": has the older schema " + std::to_string(version) + ", expected " +
                         std::to_string(SchemaVersion()) + ", and run " +

@@ -2,22 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "results/text/text.h"
 
 namespace dreamsearch::results {
 namespace {
 
 std::string TickText(double value) {
   const double size = std::abs(value);
-  char text[32];
-  if (size >= 1e6) {
-    std::snprintf(text, sizeof text, "%gM", value / 1e6);
-  } else if (size >= 1e4) {
-    std::snprintf(text, sizeof text, "%gk", value / 1e3);
-  } else {
-    std::snprintf(text, sizeof text, "%g", size < 1e-12 ? 0 : value);
-  }
-  return text;
+  if (size >= 1e6) return FormatNumber("%gM", value / 1e6);
+  if (size >= 1e4) return FormatNumber("%gk", value / 1e3);
+  return FormatNumber("%g", size < 1e-12 ? 0 : value);
 }
 
 // The smallest of 1, 2, 5 times a power of ten that gives at most `count` steps.

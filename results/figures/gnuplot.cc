@@ -17,6 +17,7 @@
 
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/temporary_folder.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -113,19 +114,8 @@ std::string Drawable(const std::string& script, const std::string& folder) {
 }  // namespace
 
 std::string RunGnuplot(const std::string& script, bool with_fonts) {
-  std::string folder =
-      (std::filesystem::temp_directory_path() / "dreamsearch-figure-XXXXXX").string();
-  if (mkdtemp(folder.data()) == nullptr) {
-    throw Failure(ExitCode::kCannotCreate,
-                  folder + ": no temporary folder: " + std::strerror(errno));
-  }
-  struct Remove {
-    std::string folder;
-    ~Remove() {
-      std::error_code ignored;
-      std::filesystem::remove_all(folder, ignored);
-    }
-  } const remove{folder};
+  const TemporaryFolder temporary;
+  const std::string folder = temporary.path().string();
   std::ofstream(folder + "/script") << (with_fonts ? Drawable(script, folder) : script);
 
   // -d: the user's own settings file would change the picture.

@@ -1,4 +1,7 @@
 // results - reads, compares, draws, merges and checks results databases.
+#include <string>
+
+#include "results/command_line/database_flag.h"
 #include "results/command_line/program.h"
 #include "results/program/commands.h"
 
@@ -12,7 +15,8 @@ Program Results() {
       .usage = {"results COMMAND [arguments]"},
       .examples = {"results list", "results curves --out curves.svg",
                    "results report report.html --study first"},
-      .about = "Every command reads results/dreamsearch.db unless --db names another file."};
+      .about = std::string("Every command reads ") + kDefaultDatabase +
+               " unless --db names another file."};
   return {.version = "results " DREAMSEARCH_PROJECT_VERSION,
           .root = {std::move(spec), nullptr},
           .commands = {ListCommand(), ShowCommand(), CurvesCommand(), CompareCommand(),

@@ -1,7 +1,6 @@
 #include "results/report/html.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <sstream>
 
 #include "results/text/text.h"
@@ -18,9 +17,7 @@ std::string HtmlCell(const Cell& cell) {
     return "<td class=\"number\">" + GroupDigits(*whole) + "</td>";
   }
   if (const auto* real = std::get_if<double>(&cell)) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.4g", *real);
-    return "<td class=\"number\">" + std::string(number) + "</td>";
+    return "<td class=\"number\">" + FormatNumber("%.4g", *real) + "</td>";
   }
   return "<td></td>";
 }

@@ -1,6 +1,5 @@
 #include "results/upkeep/verification.h"
 
-#include <cstdio>
 #include <map>
 #include <optional>
 #include <tuple>
@@ -211,12 +210,10 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
 namespace {
 
 // The value with all its bits: reads back as the same.
-std::string ExactText(const Statement& row, int column) {
+std::string StoredText(const Statement& row, int column) {
   if (row.IsNull(column)) return "not finite";
-  char text[40];
-  std::snprintf(text, sizeof text, "%.17g", row.Real(column));
   const std::string plain = row.Text(column);
-  return plain.find_first_of(".eE") == std::string::npos ? plain : text;
+  return plain.find_first_of(".eE") == std::string::npos ? plain : ExactText(row.Real(column));
 }
 
 // The first row in which two queries differ; the first `keys` columns say where.
@@ -234,7 +231,7 @@ std::string FirstDifference(Statement* a, Statement* b, const std::string& what,
     where += "): ";
     if (more_a != more_b) return where + (more_a ? "stored" : "repeated") + " only";
     for (int i = 0; i < static_cast<int>(columns.size()); ++i) {
-      const std::string then = ExactText(*a, i), now = ExactText(*b, i);
+      const std::string then = StoredText(*a, i), now = StoredText(*b, i);
       if (then == now) continue;
       return where + columns[static_cast<std::size_t>(i)] + " is stored as " + then +
              ", repeated it is " + now;

@@ -19,7 +19,7 @@
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
-#include "tests/host/plugins/temporary_folder.h"
+#include "tests/host/plugins/library_folder.h"
 
 namespace dreamsearch {
 namespace {
@@ -44,7 +44,7 @@ ScanOptions Impatient() {
 
 // The refusal of a folder with this library alone.
 PluginRefusal RefusalOf(const std::string& name, const ScanOptions& options) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus(name), name + ".so");
   const Catalogue catalogue = Catalogue::Scan({folder.path()}, options);
   EXPECT_TRUE(catalogue.components().empty()) << name;
@@ -74,7 +74,7 @@ std::size_t OpenDescriptors() {
 }
 
 TEST(Catalogue, DescribesEveryFieldOfAComponent) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   const auto file = folder.Copy(Corpus("good"), "good.so");
   const Catalogue catalogue = Catalogue::Scan({folder.path()}, Patient());
   EXPECT_TRUE(catalogue.refusals().empty());
@@ -143,7 +143,7 @@ TEST(Catalogue, RefusesWhatTheLoaderRefuses) {
 }
 
 TEST(Catalogue, IsNotConfusedByALibraryThatPrintsMuch) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus("prints_much"), "prints_much.so");
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
@@ -155,7 +155,7 @@ TEST(Catalogue, IsNotConfusedByALibraryThatPrintsMuch) {
 }
 
 TEST(Catalogue, LeavesNoProcessBehind) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   const std::string pid_file = (folder.path() / "pid").string();
   ::setenv("DREAMSEARCH_TEST_PID_FILE", pid_file.c_str(), 1);
   ExpectRefusal("leaves_a_child", Patient(), ExitCode::kPluginCrashed, {"exit status 3"});
@@ -175,7 +175,7 @@ TEST(Catalogue, LeavesNoProcessBehind) {
 }
 
 TEST(Catalogue, FinishesTheCorpusAndFindsTheGoodOnes) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   std::size_t bad = 0;
   for (const auto& entry : std::filesystem::directory_iterator(DREAMSEARCH_CORPUS_DIR)) {
     const std::string name = entry.path().stem().string();
@@ -219,7 +219,7 @@ TEST(Catalogue, FinishesTheCorpusAndFindsTheGoodOnes) {
 }
 
 TEST(Catalogue, SaysWhichNamesAreKnown) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus("good"), "good.so");
   folder.Write("broken.so", "hello\n");
   const Catalogue catalogue = Catalogue::Scan({folder.path()}, Patient());
@@ -236,7 +236,7 @@ TEST(Catalogue, SaysWhichNamesAreKnown) {
 }
 
 TEST(Catalogue, TheEarlierFolderWinsWithAWarning) {
-  const TemporaryFolder first, second;
+  const LibraryFolder first, second;
   first.Copy(Corpus("good"), "good.so");
   second.Copy(Corpus("good_twin"), "good_twin.so");
   const Catalogue one = Catalogue::Scan({first.path(), second.path()}, Patient());
@@ -251,7 +251,7 @@ TEST(Catalogue, TheEarlierFolderWinsWithAWarning) {
 }
 
 TEST(Catalogue, OneNameTwiceInAFolderIsAnErrorNamingBoth) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus("good"), "good.so");
   folder.Copy(Corpus("good_twin"), "good_twin.so");
   const Catalogue catalogue = Catalogue::Scan({folder.path()}, Patient());
@@ -269,7 +269,7 @@ TEST(Catalogue, OneNameTwiceInAFolderIsAnErrorNamingBoth) {
 }
 
 TEST(PluginFolders, AreTheGivenThenTheVariablesThenTheInstalled) {
-  const TemporaryFolder given, variable;
+  const LibraryFolder given, variable;
   ::setenv("DREAMSEARCH_PLUGIN_PATH",
            (variable.path().string() + ":" + given.path().string()).c_str(), 1);
   const auto folders = PluginFolders({given.path().string()});
@@ -281,7 +281,7 @@ TEST(PluginFolders, AreTheGivenThenTheVariablesThenTheInstalled) {
 }
 
 TEST(PluginFolders, AGivenFolderMustExist) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   try {
     PluginFolders({(folder.path() / "nowhere").string()});
     FAIL() << "accepted";
@@ -295,12 +295,12 @@ TEST(PluginFolders, AGivenFolderMustExist) {
 TEST(Sha256, GivesThePublishedDigests) {
   EXPECT_EQ(Sha256Hex("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(Sha256Hex(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   EXPECT_EQ(Sha256HexOfFile(folder.Write("x", "abc")), Sha256Hex("abc"));
 }
 
 TEST(ListCommand, ShowsComponentsAndWhyOthersWereRefused) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus("good"), "good.so");
   folder.Write("broken.so", "hello\n");
   testing::internal::CaptureStdout();
@@ -316,7 +316,7 @@ TEST(ListCommand, ShowsComponentsAndWhyOthersWereRefused) {
 }
 
 TEST(DescribeCommand, ShowsEveryDeclaration) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   folder.Copy(Corpus("good"), "good.so");
   const std::string path = folder.path().string();
   testing::internal::CaptureStdout();

@@ -14,7 +14,7 @@
 
 #include "dreamsearch/random.h"
 #include "results/system/error.h"
-#include "tests/host/plugins/temporary_folder.h"
+#include "tests/host/plugins/library_folder.h"
 
 namespace dreamsearch {
 namespace {
@@ -39,7 +39,7 @@ Answer Check(const std::filesystem::path& file) {
 }
 
 void ExpectRefusal(const std::string& bytes, const std::string& found) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   const auto file = folder.Write("x.so", bytes);
   const Answer answer = Check(file);
   EXPECT_EQ(answer.code, ExitCode::kPluginRefused) << found;
@@ -61,14 +61,14 @@ TEST(CheckSharedLibrary, SaysWhatAFileIsThatIsNotElf) {
 }
 
 TEST(CheckSharedLibrary, SaysThatAFolderIsAFolder) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   const Answer answer = Check(folder.path());
   EXPECT_EQ(answer.code, ExitCode::kPluginRefused);
   EXPECT_NE(answer.message.find("a folder"), std::string::npos) << answer.message;
 }
 
 TEST(CheckSharedLibrary, SaysThatNothingIsThere) {
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   const Answer answer = Check(folder.path() / "nowhere.so");
   EXPECT_EQ(answer.code, ExitCode::kNotFound);
   EXPECT_NE(answer.message.find("nowhere.so"), std::string::npos) << answer.message;
@@ -92,7 +92,7 @@ TEST(CheckSharedLibrary, RefusesAnotherMachineClassByteOrderOrType) {
 // dlopen of such a file ends the process with SIGBUS.
 TEST(CheckSharedLibrary, RefusesALibraryCutAtAnyLength) {
   const std::string whole = GoodLibrary();
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   std::vector<std::size_t> lengths;
   for (std::size_t n = 0; n < 1200; ++n) lengths.push_back(n);
   for (std::size_t n = 1200; n < whole.size(); n += 97) lengths.push_back(n);
@@ -109,7 +109,7 @@ TEST(CheckSharedLibrary, RefusesALibraryCutAtAnyLength) {
 // The tables are read with offsets and counts that the file itself gives.
 TEST(CheckSharedLibrary, SurvivesAnyBytesInHeaderAndTables) {
   const std::string whole = GoodLibrary();
-  const TemporaryFolder folder;
+  const LibraryFolder folder;
   constexpr std::uint64_t kSeed = 11;
   Random random(kSeed);
   int refused = 0;

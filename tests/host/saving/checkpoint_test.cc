@@ -10,18 +10,13 @@
 
 #include "dreamsearch/random.h"
 #include "results/system/error.h"
+#include "results/system/temporary_folder.h"
 
 namespace dreamsearch {
 namespace {
 
 class CheckpointTest : public testing::Test {
  protected:
-  CheckpointTest() {
-    std::string name = (std::filesystem::temp_directory_path() / "checkpoint_XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~CheckpointTest() override { std::filesystem::remove_all(folder_); }
-
   static std::string Read(const std::filesystem::path& path) {
     std::ifstream file(path, std::ios::binary);
     return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
@@ -63,7 +58,8 @@ class CheckpointTest : public testing::Test {
   }
 
   static constexpr PartName kStep{"step", 1}, kModel{"model", 3}, kEmpty{"empty", 1};
-  std::filesystem::path folder_;
+  TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(CheckpointTest, ReadsBackWhatWasWritten) {

@@ -15,6 +15,7 @@
 
 #include "host/processes/thread_grant.h"
 #include "results/system/error.h"
+#include "results/system/temporary_folder.h"
 
 namespace dreamsearch {
 namespace {
@@ -23,19 +24,14 @@ using Threads = std::map<std::size_t, std::uint32_t>;
 
 class CoresTest : public testing::Test {
  protected:
-  CoresTest() {
-    std::string name = (std::filesystem::temp_directory_path() / "cores_XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~CoresTest() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path Write(const std::filesystem::path& file, const std::string& text) const {
     std::filesystem::create_directories((folder_ / file).parent_path());
     std::ofstream(folder_ / file) << text;
     return folder_ / file;
   }
 
-  std::filesystem::path folder_;
+  TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(CoresTest, AProcessHasTheCoresOfItsAffinityMask) {

@@ -6,9 +6,10 @@
 
 #include <cmath>
 #include <csignal>
-#include <memory>
 #include <string>
 #include <vector>
+
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch::gym {
 namespace {
@@ -18,10 +19,7 @@ using Numbers = std::vector<double>;
 
 constexpr const char* kPython = "/usr/bin/python3";  // the one that Debian's NumPy belongs to
 
-struct Destroyer {
-  void operator()(Environment* environment) const { environment->Destroy(); }
-};
-using Owned = std::unique_ptr<Environment, Destroyer>;
+using OwnedEnvironment = Owned<Environment>;
 
 PythonEnvironmentSettings World(const std::string& name, const std::string& arguments = "{}") {
   PythonEnvironmentSettings settings;
@@ -33,8 +31,8 @@ PythonEnvironmentSettings World(const std::string& name, const std::string& argu
   return settings;
 }
 
-Owned Make(const PythonEnvironmentSettings& settings) {
-  return Owned(new PythonEnvironment(settings));
+OwnedEnvironment Make(const PythonEnvironmentSettings& settings) {
+  return OwnedEnvironment(new PythonEnvironment(settings));
 }
 
 std::string Refusal(const PythonEnvironmentSettings& settings) {
@@ -80,7 +78,7 @@ class PythonEnvironmentTest : public testing::Test {
 };
 
 TEST_F(PythonEnvironmentTest, HasTheSpacesOfTheEnvironment) {
-  const Owned walk = Make(World("Walk"));
+  const OwnedEnvironment walk = Make(World("Walk"));
   const EnvironmentSpec& spec = walk->spec();
   EXPECT_EQ(spec.observation_size, 2u);
   EXPECT_EQ(Numbers(spec.action_low.begin(), spec.action_low.end()), (Numbers{-1, -1}));
@@ -91,7 +89,7 @@ TEST_F(PythonEnvironmentTest, HasTheSpacesOfTheEnvironment) {
 }
 
 TEST_F(PythonEnvironmentTest, LaysADictionaryOutInTheOrderOfItsSpace) {
-  const Owned named = Make(World("Named"));
+  const OwnedEnvironment named = Make(World("Named"));
   const EnvironmentSpec& spec = named->spec();
   ASSERT_EQ(spec.observation.size, 3u);
   EXPECT_STREQ(spec.observation[0].name, "picture");
@@ -100,7 +98,7 @@ TEST_F(PythonEnvironmentTest, LaysADictionaryOutInTheOrderOfItsSpace) {
 }
 
 TEST_F(PythonEnvironmentTest, EqualSeedsGiveEqualEpisodes) {
-  const Owned one = Make(World("Walk")), other = Make(World("Walk"));
+  const OwnedEnvironment one = Make(World("Walk")), other = Make(World("Walk"));
   Reset(*other, 4);
   Take(*other, {0.5, 0.5});
   EXPECT_EQ(Reset(*one, 3), Reset(*other, 3));
@@ -111,7 +109,7 @@ TEST_F(PythonEnvironmentTest, EqualSeedsGiveEqualEpisodes) {
 }
 
 TEST_F(PythonEnvironmentTest, TellsATerminalStateFromATimeLimit) {
-  const Owned edge = Make(World("Walk", R"({"edge": 2.5})"));
+  const OwnedEnvironment edge = Make(World("Walk", R"({"edge": 2.5})"));
   Reset(*edge, 1);
   Step step;
   for (int i = 0; i < 10 && !step.result.last; ++i) step = Take(*edge, {0, 1});
@@ -120,7 +118,7 @@ TEST_F(PythonEnvironmentTest, TellsATerminalStateFromATimeLimit) {
   EXPECT_EQ(step.result.reward, 1);  // an int in Python
   EXPECT_EQ(Take(*edge, {0, 1}).status.code, StatusCode::kFailedPrecondition);
 
-  const Owned truncated = Make(World("Walk", R"({"stop": 3})"));
+  const OwnedEnvironment truncated = Make(World("Walk", R"({"stop": 3})"));
   Reset(*truncated, 1);
   for (int i = 0; i < 3; ++i) step = Take(*truncated, {0, 0});
   EXPECT_TRUE(step.result.last);
@@ -128,7 +126,7 @@ TEST_F(PythonEnvironmentTest, TellsATerminalStateFromATimeLimit) {
 
   PythonEnvironmentSettings limited = World("Walk");
   limited.episode_steps = 2;
-  const Owned ours = Make(limited);
+  const OwnedEnvironment ours = Make(limited);
   Reset(*ours, 1);
   EXPECT_FALSE(Take(*ours, {0, 0}).result.last);
   step = Take(*ours, {0, 0});
@@ -137,7 +135,7 @@ TEST_F(PythonEnvironmentTest, TellsATerminalStateFromATimeLimit) {
 }
 
 void ExpectTheSameFromASavedState(const char* name) {
-  const Owned played = Make(World(name)), other = Make(World(name));
+  const OwnedEnvironment played = Make(World(name)), other = Make(World(name));
   Reset(*played, 7);
   for (int i = 0; i < 5; ++i) Take(*played, ActionOf(i));
   std::vector<std::byte> state(played->spec().state_bytes);
@@ -170,7 +168,7 @@ TEST_F(PythonEnvironmentTest, BoundsAreNeededWhereTheEnvironmentHasNone) {
   EXPECT_THAT(Refusal(settings), HasSubstr("set env.action_low and env.action_high"));
   settings.action_low = -5;
   settings.action_high = 5;
-  const Owned free = Make(settings);
+  const OwnedEnvironment free = Make(settings);
   EXPECT_EQ(free->spec().action_high[0], 5);
   EXPECT_EQ(free->spec().action_high[1], 1);
 }
@@ -189,24 +187,24 @@ TEST_F(PythonEnvironmentTest, RefusesWithASentenceOfItsOwn) {
 }
 
 TEST_F(PythonEnvironmentTest, PassesOnWhatTheEnvironmentRaises) {
-  const Owned broken = Make(World("Broken"));
+  const OwnedEnvironment broken = Make(World("Broken"));
   Reset(*broken, 0);
   const Step step = Take(*broken, {0, 0});
   EXPECT_EQ(step.status.code, StatusCode::kInternal);
   EXPECT_THAT(step.status.message, HasSubstr("Broken: step: ValueError: the door is locked"));
   Reset(*broken, 0);  // the process lives on
 
-  const Owned old = Make(World("Old"));
+  const OwnedEnvironment old = Make(World("Old"));
   Reset(*old, 0);
   EXPECT_THAT(Take(*old, {0, 0}).status.message, HasSubstr("not the older one of gym"));
 
-  const Owned crash = Make(World("Crash"));
+  const OwnedEnvironment crash = Make(World("Crash"));
   Reset(*crash, 0);
   EXPECT_THAT(Take(*crash, {0, 0}).status.message, HasSubstr("by signal Segmentation fault"));
 }
 
 TEST_F(PythonEnvironmentTest, ANumberThatIsNotFiniteIsADivergence) {
-  const Owned environment = Make(World("NotANumber"));
+  const OwnedEnvironment environment = Make(World("NotANumber"));
   Reset(*environment, 0);
   const Step step = Take(*environment, {0, 0});
   EXPECT_EQ(step.status.code, StatusCode::kDiverged);
@@ -214,7 +212,7 @@ TEST_F(PythonEnvironmentTest, ANumberThatIsNotFiniteIsADivergence) {
 }
 
 TEST_F(PythonEnvironmentTest, AnActionThatIsNotANumberIsRefusedAndChangesNothing) {
-  const Owned one = Make(World("Walk")), other = Make(World("Walk"));
+  const OwnedEnvironment one = Make(World("Walk")), other = Make(World("Walk"));
   Reset(*one, 1);
   Reset(*other, 1);
   EXPECT_EQ(Take(*one, {std::nan(""), 0}).status.code, StatusCode::kInvalidArgument);

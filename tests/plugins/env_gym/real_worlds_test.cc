@@ -6,21 +6,18 @@
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "plugins/env_gym/python_environment.h"
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch::gym {
 namespace {
 
 using Numbers = std::vector<double>;
 
-struct Destroyer {
-  void operator()(Environment* environment) const { environment->Destroy(); }
-};
-using Owned = std::unique_ptr<Environment, Destroyer>;
+using OwnedEnvironment = Owned<Environment>;
 
 class RealWorldsTest : public testing::Test {
  protected:
@@ -31,13 +28,13 @@ class RealWorldsTest : public testing::Test {
     }
   }
 
-  static Owned Make(const std::string& kind, const std::string& id) {
+  static OwnedEnvironment Make(const std::string& kind, const std::string& id) {
     PythonEnvironmentSettings settings;
     settings.kind = kind;
     settings.interpreter = DREAMSEARCH_WORLDS "/bin/python";
     settings.id = id;
     settings.arguments = "{}";
-    return Owned(new PythonEnvironment(settings));
+    return OwnedEnvironment(new PythonEnvironment(settings));
   }
 };
 
@@ -66,7 +63,7 @@ Episode Play(Environment& environment, double place, std::uint32_t seed = 0) {
 }
 
 TEST_F(RealWorldsTest, PendulumHasItsRewardsItsTorqueAndItsTimeLimit) {
-  const Owned pendulum = Make("gym", "Pendulum-v1");
+  const OwnedEnvironment pendulum = Make("gym", "Pendulum-v1");
   EXPECT_EQ(pendulum->spec().observation_size, 3u);
   EXPECT_EQ(pendulum->spec().action_low[0], -2);
   EXPECT_EQ(pendulum->spec().action_high[0], 2);
@@ -80,7 +77,7 @@ TEST_F(RealWorldsTest, PendulumHasItsRewardsItsTorqueAndItsTimeLimit) {
 TEST_F(RealWorldsTest, WhatFallsEndsEarlyAndTerminally) {
   for (const char* id : {"Hopper-v5", "InvertedPendulum-v5"}) {
     SCOPED_TRACE(id);
-    const Owned environment = Make("gym", id);
+    const OwnedEnvironment environment = Make("gym", id);
     const Episode episode = Play(*environment, 1);
     EXPECT_EQ(environment->spec().episode_steps, 1000u);
     EXPECT_LT(episode.rewards.size(), 300u);
@@ -96,7 +93,7 @@ TEST_F(RealWorldsTest, SizesAreThoseOfTheSpaces) {
       {"HalfCheetah-v5", 17, 6}, {"Humanoid-v5", 348, 17}, {"MountainCarContinuous-v0", 2, 1}};
   for (const auto& expected : kSizes) {
     SCOPED_TRACE(expected.id);
-    const Owned environment = Make("gym", expected.id);
+    const OwnedEnvironment environment = Make("gym", expected.id);
     EXPECT_EQ(environment->spec().observation_size, expected.observation);
     EXPECT_EQ(environment->spec().action_size, expected.action);
     EXPECT_EQ(Play(*environment, 0.5, 3).rewards, Play(*environment, 0.5, 3).rewards);
@@ -104,7 +101,7 @@ TEST_F(RealWorldsTest, SizesAreThoseOfTheSpaces) {
 }
 
 TEST_F(RealWorldsTest, ATaskOfTheControlSuitePlays) {
-  const Owned walker = Make("dm", "walker-walk");
+  const OwnedEnvironment walker = Make("dm", "walker-walk");
   ASSERT_EQ(walker->spec().observation.size, 3u);
   EXPECT_STREQ(walker->spec().observation[0].name, "orientations");
   EXPECT_EQ(walker->spec().observation_size, 24u);

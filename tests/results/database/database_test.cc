@@ -273,7 +273,7 @@ TEST(Database, WhatIsMissingOrInTheWaySaysSo) {
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenReadOnly(folder / "no.db"); }, folder / "no.db"),
             ExitCode::kNotFound);
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenExisting(folder / "no.db"); }), ExitCode::kNotFound);
-  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder.path()); }, "folder"),
+  EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder.path().string()); }, "folder"),
             ExitCode::kCannotCreate);
   Write(folder / "file", "x");
   EXPECT_EQ(ExitCodeOf([&] { Database::OpenOrCreate(folder / "file/r.db"); }, folder / "file"),

@@ -9,6 +9,7 @@
 
 #include "results/system/error.h"
 #include "results/upkeep/verification.h"
+#include "tests/results/database/child.h"
 #include "tests/results/database/faulty_vfs.h"
 #include "tests/results/database/recording.h"
 
@@ -48,24 +49,6 @@ void Record(const std::string& path, bool journal, const std::function<void(std:
   db->SetRunStatus(run, RunStatus::kFinished, 0);
 }
 
-// Runs the body in a child and returns its wait status.
-int InChild(const std::function<void()>& body) {
-  const pid_t pid = fork();
-  if (pid == 0) {
-    int status = 0;
-    try {
-      body();
-    } catch (const std::exception& error) {
-      std::fprintf(stderr, "%s\n", error.what());
-      status = 1;
-    }
-    _exit(status);
-  }
-  int status = 0;
-  waitpid(pid, &status, 0);
-  return status;
-}
-
 // What is wrong with the database after its writer was killed; empty if nothing.
 // committed: the last commit that was reported as done, or -1.
 std::string Damage(const std::string& path, std::int64_t committed) {
@@ -98,12 +81,12 @@ bool KillAt(int n, bool journal, std::string* damage) {
   const TemporaryFolder folder;
   int reports[2];
   if (pipe(reports) != 0) std::abort();
-  const int status = InChild([&] {
+  const int status = Wait(Spawn([&] {
     InstallFaultyVfs(Fault::kKill, n);
     Record(folder / "r.db", journal, [&](std::int64_t commit) {
       if (write(reports[1], &commit, sizeof commit) != sizeof commit) _exit(2);
     });
-  });
+  }));
   close(reports[1]);
   std::int64_t committed = -1, commit;
   while (read(reports[0], &commit, sizeof commit) == sizeof commit) committed = commit;
@@ -149,7 +132,7 @@ void FailAt(Fault fault, int n, int* points) {
   };
   int counts[2];
   if (pipe(counts) != 0) std::abort();
-  const int status = InChild([&] {
+  const int status = Wait(Spawn([&] {
     InstallFaultyVfs(fault, n);
     std::unique_ptr<Database> db;
     insist([&] { db = Database::OpenOrCreate(path); });
@@ -167,7 +150,7 @@ void FailAt(Fault fault, int n, int* points) {
     insist([&] { db->SetRunStatus(run, RunStatus::kFinished, 0); });
     const int calls = WriteCalls();
     if (write(counts[1], &calls, sizeof calls) != sizeof calls) _exit(2);
-  });
+  }));
   close(counts[1]);
   int calls = 0;
   const bool counted = read(counts[0], &calls, sizeof calls) == sizeof calls;

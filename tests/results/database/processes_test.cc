@@ -9,32 +9,13 @@
 #include <vector>
 
 #include "results/database/derived_rows.h"
+#include "tests/results/database/child.h"
 #include "tests/results/database/recording.h"
 
 namespace dreamsearch::results {
 namespace {
 
 constexpr int kProcesses = 8;
-
-// Runs the body in a child process; its exit status is 0 if nothing is thrown.
-pid_t Spawn(const std::function<void()>& body) {
-  const pid_t pid = fork();
-  if (pid != 0) return pid;
-  int status = 0;
-  try {
-    body();
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    status = 1;
-  }
-  _exit(status);
-}
-
-int Wait(pid_t pid) {
-  int status = 0;
-  waitpid(pid, &status, 0);
-  return status;
-}
 
 TEST(Processes, EightMakeOneDatabaseAndRecordIntoItAtOnce) {
   const TemporaryFolder folder;

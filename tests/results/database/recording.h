@@ -1,4 +1,4 @@
-// recording.h - a temporary folder, and runs to write into a database there.
+// recording.h - runs to write into a database in a temporary folder.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,26 +10,9 @@
 
 #include "results/database/database.h"
 #include "results/database/run_writer.h"
+#include "results/system/temporary_folder.h"
 
 namespace dreamsearch::results {
-
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "dreamsearch-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) std::abort();
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 struct RunSettings {
   std::string study = "default";
