@@ -9,11 +9,12 @@ packages=(
   pkg-config libhwy-dev libmujoco-dev
   libboost-dev libboost-program-options-dev
   libsqlite3-dev libssl-dev nlohmann-json3-dev zlib1g-dev
-  sqlite3 gnuplot-nox libjs-chart.js
+  libeigen3-dev libcairo2-dev libegl-dev libegl1 libgl1-mesa-dri
+  sqlite3 gnuplot-nox libjs-chart.js ffmpeg
 )
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev
-             libeigen3-dev libdnnl-dev libxsmm-dev
+             libdnnl-dev libxsmm-dev
              python3 python3-numpy python3-scipy python3-venv chromium clang-format clang-tidy)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2

@@ -5,6 +5,7 @@
 
 #include "dreamsearch/version.h"
 #include "host/commands/commands.h"
+#include "host/films/filmed_episode.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/worker.h"
 #include "host/sweeps/probe.h"
@@ -39,11 +40,13 @@ Program Runner() {
                      std::to_string(DREAMSEARCH_SDK_MINOR),
           .root = RunCommand(),
           .commands = {ListCommand(), DescribeCommand(), StatusCommand(), ResumeCommand(),
-                       EvalCommand(), VerifyCommand(), ExportCommand(), ExplainCommand()},
+                       EvalCommand(), VerifyCommand(), ExportCommand(), ExplainCommand(),
+                       RenderCommand()},
           .internal = {{"worker", own(WorkerMain)},
                        {"probe", own(ProbeMain)},
                        {"export-model", own(ExportModelMain)},
                        {"explain-decision", own(ExplainDecisionMain)},
+                       {"film-episode", own(FilmEpisodeMain)},
                        {"describe-plugin", DescribePlugin}}};
 }
 

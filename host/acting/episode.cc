@@ -126,6 +126,7 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
   std::vector<double> observation(environment->spec().observation_size);
   const View<double> view{observation.data(), observation.size()};
   ThrowUnlessOk(environment->Reset(seed, view), "environment '" + name + "' Reset");
+  if (course.arrived) course.arrived(index, 0, environment, nullptr);
   agent->BeginEpisode(Phase::kEvaluation, index);
   const double begin = agent->Now();
   const std::uint64_t transitions_before = agent->transitions();
@@ -138,6 +139,7 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
         agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
     if (course.decided) course.decided(index, t, decision, *agent);
     held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
+    if (course.arrived) course.arrived(index, t + 1, environment, &held);
     if (!held.diverged.empty()) {
       if (course.diverged) course.diverged(index, t, held.diverged);
       break;

@@ -61,6 +61,11 @@ struct EpisodeCourse {
   // Takes the next episode: its index within its evaluation, which decides its seeds.
   // Nothing once none is left.
   std::function<std::optional<std::uint64_t>()> next;
+  // The environment is in the state after t decisions: at the episode's start, where `held` is
+  // null, and after each action; `held` says what that led to. May be empty.
+  std::function<void(std::uint64_t index, std::uint64_t t, Environment* environment,
+                     const HeldAction* held)>
+      arrived;
   // Before decision t; false breaks the episode off: nothing follows for it.
   std::function<bool(std::uint64_t index, std::uint64_t t)> go_on;
   // Where decision t reports its tree, or null. May be empty.

@@ -13,6 +13,7 @@ Command EvalCommand();
 Command ExplainCommand();
 Command ExportCommand();
 Command ListCommand();
+Command RenderCommand();
 Command ResumeCommand();
 Command RunCommand();  // without a command's name
 Command StatusCommand();

@@ -12,6 +12,7 @@
 #include "host/commands/flags.h"
 #include "host/commands/page/embedded.h"
 #include "host/commands/progress.h"
+#include "host/films/filmed_episode.h"
 #include "host/sweeps/question.h"
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
@@ -139,10 +140,23 @@ void PrintRoot(const nlohmann::json& tree) {
 // One page of HTML that holds all it needs. `tree` is TreeJson with what the page
 // says about the decision: run_id, run_uuid, env, planner, model, seed, env_step,
 // phase, episode, decision.
-std::string TreePage(const nlohmann::json& tree) {
+std::string TreePage(const nlohmann::json& tree, const std::string& picture) {
+  const std::string image =
+      picture.empty() ? "" : "<img src=\"" + picture + "\" alt=\"the state that was decided in\">";
   return FillTemplate(ExplainTemplate(), {{"style", std::string(ExplainStyle())},
+                                          {"picture", image},
                                           {"tree", ScriptJson(tree)},
                                           {"script", std::string(ExplainScript())}});
+}
+
+// What the environment shows, as a link that holds the picture; empty where it draws none.
+std::string PictureLink(Environment* environment, const std::string& name) {
+  try {
+    return PngLink(PngOf(SceneOf(environment, name, 320, 240, 0)));
+  } catch (const Failure& error) {
+    std::cerr << "note: the page has no picture of the state: " << error.what() << "\n";
+    return "";
+  }
 }
 
 struct Explain {
@@ -215,6 +229,9 @@ int Explain::Run() {
                           {"decision", decision}});
     tree["env_step"] = spec.evaluation->env_step;
   }
+  // For the page; what programs read has numbers alone.
+  const std::string picture = tree.value("picture", "");
+  tree.erase("picture");
   tree["format"] = "dreamsearch tree 1";
   tree["run_id"] = subject.info.run_id;
   tree["run_uuid"] = subject.info.uuid;
@@ -229,7 +246,7 @@ int Explain::Run() {
                             (training ? "_training" : "") + "_episode" + std::to_string(episode) +
                             "_decision" + std::to_string(decision));
   WriteFile(out + ".json", results::JsonText(tree) + "\n");
-  WriteFile(out + ".html", TreePage(tree));
+  WriteFile(out + ".html", TreePage(tree, picture));
   PrintRoot(tree);
   std::cerr << "wrote " << out << ".json and " << out << ".html: " << tree["edges"].size()
             << " edges\n";
@@ -271,6 +288,11 @@ int ExplainDecisionMain() {
     course.tree = [&](std::uint64_t, std::uint64_t t) -> TreeSink* {
       return t == wanted ? &tree : nullptr;
     };
+    std::string picture;
+    course.arrived = [&](std::uint64_t, std::uint64_t t, Environment* environment,
+                         const HeldAction*) {
+      if (t == wanted) picture = PictureLink(environment, spec.environment.name());
+    };
     course.decided = [&](std::uint64_t, std::uint64_t t, const Decision& decision,
                          const Agent& agent) {
       played = t + 1;
@@ -297,8 +319,10 @@ int ExplainDecisionMain() {
     if (tree.edges().empty()) {
       throw Failure(ExitCode::kBadInput, who + " reports no tree");
     }
-    return TreeJson(tree, {action.data(), action.size()}, decided, metrics,
-                    components.planner().metrics);
+    nlohmann::json json = TreeJson(tree, {action.data(), action.size()}, decided, metrics,
+                                   components.planner().metrics);
+    json["picture"] = picture;
+    return json;
   });
 }
 

@@ -10,7 +10,7 @@ here. Numbers are native doubles, texts are UTF-8, a spec and settings are JSON.
     S action                                   s reward terminated truncated observation
     G                                          g bytes          the state, if it can be saved
     P bytes                                    p                go to that state
-    V uint32 width, uint32 height              v RGB bytes      a picture
+    V uint32 width, height, camera             v RGB bytes      a picture
     any                                        e text           it failed; the last line says how
 
 What the environment prints goes to the run's log.
@@ -109,6 +109,15 @@ class GymnasiumPlayer:
     def render(self):
         return self.env.render()
 
+    def drawing(self, settings):
+        """One that draws: itself, or made anew."""
+        if getattr(self.env, "render_mode", None) == "rgb_array":
+            return self
+        try:
+            return GymnasiumPlayer({**settings, "arguments": {**settings["arguments"], "render_mode": "rgb_array"}})
+        except TypeError as error:
+            raise Refusal(f"it cannot be made with render_mode='rgb_array', which draws: {error}") from error
+
 
 class ControlSuitePlayer:
     """A task of dm_control.suite; its id is domain-task."""
@@ -147,7 +156,10 @@ class ControlSuitePlayer:
                 self.concatenate(moment.observation))
 
     def render(self):
-        return self.env.physics.render(240, 320, camera_id=0)
+        return self.env.physics.render(480, 640, camera_id=0)
+
+    def drawing(self, _):
+        return self
 
 
 def flattener(space, prefix=""):
@@ -189,9 +201,10 @@ def flattener(space, prefix=""):
 class Bridge:
     def __init__(self):
         self.player = None
+        self.lived = []  # the requests of this episode, for one that draws
 
     def make(self, body):
-        settings = json.loads(body.decode())
+        settings = self.settings = json.loads(body.decode())
         kind = {"gym": GymnasiumPlayer, "dm": ControlSuitePlayer}[settings["kind"]]
         try:
             self.player = kind(settings)
@@ -233,10 +246,12 @@ class Bridge:
         return self.numpy.ascontiguousarray(vector, dtype=self.numpy.float64).tobytes()
 
     def reset(self, body):
+        self.lived = [body]
         return b"r" + self.observation(self.player.reset(struct.unpack("=I", body)[0]))
 
     def step(self, body):
         action = self.numpy.frombuffer(body, dtype=self.numpy.float64)
+        self.lived.append(body)
         reward, terminated, truncated, vector = self.player.step(action)
         return b"s" + struct.pack("=d??", reward, terminated, truncated) + self.observation(vector)
 
@@ -254,11 +269,22 @@ class Bridge:
         return b"p"
 
     def render(self, body):
-        width, height = struct.unpack("=II", body)
+        width, height, camera = struct.unpack("=III", body)
+        if camera != 0:
+            raise Refusal(f"camera {camera}: only camera 0 is known")
+        drawing = self.player.drawing(self.settings)
+        if drawing is not self.player:
+            # It lives what this one has lived.
+            drawing.reset(struct.unpack("=I", self.lived[0])[0])
+            if self.player.saver is not None:
+                drawing.saver.restore_state(self.state())
+            else:
+                for action in self.lived[1:]:
+                    drawing.step(self.numpy.frombuffer(action, dtype=self.numpy.float64))
+            self.player = drawing
         picture = self.player.render()
         if picture is None:
-            raise Refusal("render returned no picture; make the environment with "
-                          "render_mode='rgb_array'")
+            raise Refusal("render() returned no picture")
         picture = self.numpy.asarray(picture, dtype=self.numpy.uint8)
         rows = self.numpy.arange(height) * picture.shape[0] // height
         columns = self.numpy.arange(width) * picture.shape[1] // width

@@ -229,7 +229,7 @@ Status PythonEnvironment::RestoreState(View<const std::byte> state) noexcept {
 }
 
 Status PythonEnvironment::Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept {
-  const std::uint32_t size[] = {request.width, request.height};
+  const std::uint32_t size[] = {request.width, request.height, request.camera};
   if (rgb.size != std::uint64_t{request.width} * request.height * 3) {
     return Error(StatusCode::kInvalidArgument, "%s: Render: expected width * height * 3 bytes",
                  settings_.id.c_str());

@@ -227,8 +227,24 @@ Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
   return OkStatus();
 }
 
-Status ControlTask::Render(const RenderRequest&, View<std::uint8_t>) noexcept {
-  return Error(StatusCode::kUnimplemented, "%s: Render: this environment draws no pictures", name_);
+Status ControlTask::Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept {
+  constexpr std::uint32_t kLargest = 4096;
+  if (request.width == 0 || request.height == 0 || request.width > kLargest ||
+      request.height > kLargest || rgb.size != std::uint64_t{request.width} * request.height * 3) {
+    return Error(StatusCode::kInvalidArgument,
+                 "%s: Render: expected 1 to %u pixels a side and 3 bytes for each, got %u x %u and "
+                 "%llu bytes",
+                 name_, kLargest, request.width, request.height,
+                 static_cast<unsigned long long>(rgb.size));
+  }
+  try {
+    if (renderer_ == nullptr) renderer_ = std::make_unique<Renderer>(model_.get());
+    renderer_->Draw(data_.get(), static_cast<int>(request.camera), static_cast<int>(request.width),
+                    static_cast<int>(request.height), rgb.data);
+    return OkStatus();
+  } catch (const std::exception& error) {
+    return Error(StatusCode::kFailedPrecondition, "%s: Render: %s", name_, error.what());
+  }
 }
 
 void ControlTask::DeclareWritten(mjtNum* values, int count) {

@@ -15,6 +15,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,6 +23,7 @@
 #include "dreamsearch/environment.h"
 #include "plugins/mujoco/engine.h"
 #include "plugins/mujoco/numpy_random.h"
+#include "plugins/mujoco/renderer.h"
 
 namespace dreamsearch::mujoco {
 
@@ -111,6 +113,7 @@ class ControlTask : public Environment {
   std::vector<double> action_high_;
   EnvironmentSpec spec_;
   std::vector<std::span<mjtNum>> written_;
+  std::unique_ptr<Renderer> renderer_;  // from the first picture on
 
   bool running_ = false;
   std::uint32_t steps_ = 0;

@@ -76,6 +76,11 @@ std::string Picture(const Figure& figure, const std::string& about) {
   return "<div class=\"static wide\">" + svg + "</div>\n";
 }
 
+std::string PngPicture(const std::string& png, const std::string& about) {
+  return "<figure class=\"strip\"><img src=\"" + PngLink(png) + "\" alt=\"" + HtmlText(about) +
+         "\"><figcaption>" + HtmlText(about) + "</figcaption></figure>\n";
+}
+
 std::string PictureWithoutScript(const Figure& figure, const std::string& about) {
   return "<noscript>" + Picture(figure, about) + "</noscript>\n";
 }

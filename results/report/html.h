@@ -17,6 +17,8 @@ std::string Preformatted(const std::string& text);
 std::string Query(const std::string& sql);
 // A picture for everyone; `about` says in words what it shows.
 std::string Picture(const Figure& figure, const std::string& about);
+// A picture from the bytes of a PNG file, with what is to be read under it.
+std::string PngPicture(const std::string& png, const std::string& about);
 // For where there is no scripting.
 std::string PictureWithoutScript(const Figure& figure, const std::string& about);
 

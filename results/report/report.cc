@@ -1,6 +1,7 @@
 #include "results/report/report.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -17,7 +18,9 @@
 #include "results/report/page/embedded.h"
 #include "results/report/report_data.h"
 #include "results/report/report_queries.h"
+#include "results/report/strip.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/text/json_text.h"
 #include "results/text/text.h"
 #include "results/text/web_page.h"
@@ -159,6 +162,37 @@ std::string Runs(const std::vector<GroupedRun>& runs, const ReportQueries& queri
          Query(queries.Runs());
 }
 
+// What the agents do: of each planner on each task the first run that keeps a strip.
+std::string Strips(const std::vector<GroupedRun>& runs) {
+  constexpr std::size_t kMostShown = 40;
+  std::set<std::vector<std::string>> seen;
+  std::string html;
+  std::size_t shown = 0, more = 0;
+  for (const GroupedRun& item : runs) {
+    const RunInfo& run = item.run;
+    const std::filesystem::path file =
+        std::filesystem::path(item.database->RunFolder(run)) / kStripFile;
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(file, error);
+    if (error || bytes > kMostStripBytes || !std::filesystem::is_regular_file(file)) continue;
+    if (!seen.insert({run.task, run.planner, run.model}).second) continue;
+    if (++shown > kMostShown) {
+      ++more;
+      continue;
+    }
+    const std::string png = ReadWholeFile(file);
+    if (!png.starts_with("\x89PNG\r\n")) continue;
+    html += PngPicture(png, run.task + ", " + run.planner + " on " + run.model + ", seed " +
+                                std::to_string(run.seed) +
+                                ": an evaluation episode from beginning to end");
+  }
+  if (shown == 0) {
+    return Note("No run keeps pictures of an episode; `runner render RUN --strip` makes them.");
+  }
+  if (more > 0) html += Note("and " + std::to_string(more) + " more that keep pictures.");
+  return html;
+}
+
 std::string Configurations(const std::vector<GroupedRun>& runs) {
   std::map<std::string, std::pair<std::string, std::set<std::string>>> configs;
   for (const GroupedRun& item : runs) {
@@ -267,6 +301,7 @@ std::string ReportPage(const std::vector<std::unique_ptr<Database>>& databases,
           {"time_table", HtmlTable(TimeByActivity(time), "Seconds for 1,000 environment steps")},
           {"time_query", Query(queries.Time())},
           {"comparison", Comparisons(databases, request, queries)},
+          {"strips", Strips(runs)},
           {"runs", Runs(runs, queries)},
           {"settings", Configurations(runs) + Provenance(runs)},
           {"data", ScriptJson(ReportData(axes, time))},

@@ -1,5 +1,7 @@
 #include "results/text/web_page.h"
 
+#include <openssl/evp.h>
+
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -54,6 +56,14 @@ std::string ScriptJson(const nlohmann::ordered_json& json) {
   return WithoutTags(results::JsonTextReplacing(json));
 }
 std::string ScriptJson(const nlohmann::json& json) { return WithoutTags(results::JsonText(json)); }
+
+std::string PngLink(const std::string& png) {
+  std::string text(4 * ((png.size() + 2) / 3) + 1, '\0');  // with EVP's zero at the end
+  text.resize(static_cast<std::size_t>(EVP_EncodeBlock(
+      reinterpret_cast<unsigned char*>(text.data()),
+      reinterpret_cast<const unsigned char*>(png.data()), static_cast<int>(png.size()))));
+  return "data:image/png;base64," + text;
+}
 
 std::string FillTemplate(std::string_view page, const std::map<std::string, std::string>& values) {
   std::string filled;

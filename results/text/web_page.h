@@ -19,6 +19,9 @@ std::string HtmlText(const std::string& text);
 std::string ScriptJson(const nlohmann::ordered_json& json);
 std::string ScriptJson(const nlohmann::json& json);
 
+// The bytes of a PNG file as a link that holds them, for <img src>.
+std::string PngLink(const std::string& png);
+
 // The template with each mark {{name}} replaced by the value of that name; marks in values
 // stay. Failure 70 for a mark without a value, and for a value without a mark: the template
 // and the code that fills it do not belong together.
