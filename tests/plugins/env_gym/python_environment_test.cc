@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <string>
@@ -201,6 +202,32 @@ TEST_F(PythonEnvironmentTest, PassesOnWhatTheEnvironmentRaises) {
   const OwnedEnvironment crash = Make(World("Crash"));
   Reset(*crash, 0);
   EXPECT_THAT(Take(*crash, {0, 0}).status.message, HasSubstr("by signal Segmentation fault"));
+}
+
+TEST_F(PythonEnvironmentTest, APictureIsOfTheStateAndLeavesItAsItIs) {
+  const OwnedEnvironment drawn = Make(World("DrawnWalk")), alone = Make(World("DrawnWalk"));
+  Reset(*drawn, 5);
+  Reset(*alone, 5);
+  for (int i = 0; i < 6; ++i) {
+    const Numbers at = Take(*drawn, ActionOf(i)).observation;
+    EXPECT_EQ(at, Take(*alone, ActionOf(i)).observation) << i;
+    if (i < 2) continue;  // the first picture comes in the middle of the episode
+    std::vector<std::uint8_t> rgb(40 * 20 * 3);
+    const Status status = drawn->Render({40, 20, 0}, {rgb.data(), rgb.size()});
+    ASSERT_TRUE(status.ok()) << status.message;
+    EXPECT_EQ(rgb[0], static_cast<int>(std::clamp(100 + 20 * at[0], 0.0, 255.0)));
+    EXPECT_EQ(rgb[1], static_cast<int>(std::clamp(100 + 20 * at[1], 0.0, 255.0)));
+    EXPECT_EQ(rgb[19 * 40 * 3], 0);
+  }
+}
+
+TEST_F(PythonEnvironmentTest, WhatDrawsNoPictureSaysWhy) {
+  const OwnedEnvironment environment = Make(World("Walk"));
+  Reset(*environment, 0);
+  std::vector<std::uint8_t> rgb(8 * 8 * 3);
+  const Status status = environment->Render({8, 8, 0}, {rgb.data(), rgb.size()});
+  EXPECT_EQ(status.code, StatusCode::kFailedPrecondition);
+  EXPECT_THAT(status.message, HasSubstr("cannot be made with render_mode='rgb_array'"));
 }
 
 TEST_F(PythonEnvironmentTest, ANumberThatIsNotFiniteIsADivergence) {

@@ -45,6 +45,21 @@ class Walk:
         return self.position.copy(), int(ended), ended, self.steps == self.stop, {}
 
 
+class DrawnWalk(Walk):
+    """Draws its position: red the first, green the second; the lower half is black."""
+
+    def __init__(self, render_mode=None, **arguments):
+        super().__init__(**arguments)
+        self.render_mode = render_mode
+
+    def render(self):
+        if self.render_mode != "rgb_array":
+            return None
+        picture = numpy.zeros((10, 20, 3), dtype=numpy.uint8)
+        picture[:5, :, :2] = numpy.clip(100 + 20 * self.position, 0, 255).astype(numpy.uint8)
+        return picture
+
+
 class SavedWalk(Walk):
     """The same without noise, which saves and restores itself."""
 
