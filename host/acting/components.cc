@@ -137,6 +137,7 @@ Components::Components(const RunSpec& spec)
 EnvironmentPtr Components::MakeEnvironment() const {
   const ParameterStorage parameters(spec_.environment.parameters);
   EnvironmentContext context;
+  context.action_repeat = spec_.action_repeat();
   context.parameters = parameters.view();
   Environment* environment = nullptr;
   const Status status = environment_->create_environment(context, &environment);

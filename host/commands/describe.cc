@@ -40,6 +40,8 @@ std::string TypeName(ParameterType type) {
       return "choice";
     case ParameterType::kText:
       return "text";
+    case ParameterType::kPath:
+      return "path";
   }
   return "unknown";
 }
@@ -51,6 +53,7 @@ std::string Range(const ParameterInfo& parameter) {
     case ParameterType::kChoice:
       return JoinNames(parameter.choices);
     case ParameterType::kText:
+    case ParameterType::kPath:
       return "";
     default:
       return Value(parameter, parameter.min, "") + " .. " + Value(parameter, parameter.max, "");
@@ -72,7 +75,9 @@ void PrintParameters(const std::string& key, const std::vector<ParameterInfo>& p
     for (const PresetInfo& preset : parameter.presets) {
       presets.push_back(preset.preset + "=" + Value(parameter, preset.number, preset.choice));
     }
-    table.notes[table.rows.size()] = WrapText(parameter.help, kWidth, 6);
+    const std::string help =
+        parameter.help + (parameter.variation ? " May differ in `runner eval`." : "");
+    table.notes[table.rows.size()] = WrapText(help, kWidth, 6);
     table.rows.push_back({parameter.name, TypeName(parameter.type),
                           Value(parameter, parameter.default_number, parameter.default_choice),
                           Range(parameter), parameter.unit, JoinNames(presets)});

@@ -43,7 +43,7 @@ Subject FindSubject(results::Database* database, const std::string& run,
   if (subject.spec.evaluation) {
     if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
       std::cerr << "warning: run " << subject.info.run_id
-                << " was played with another plugin: " << changed << "\n";
+                << " was played before something changed: " << changed << "\n";
     }
     subject.agent = AgentCheckpoint(database, subject.spec);
     return subject;

@@ -57,13 +57,17 @@ std::string Trimmed(const std::string& word) {
 // Begins a message about the setting, which names its key itself.
 std::string WhereOf(const Given& given) { return given.from_file ? given.where : given.Where(); }
 
+std::filesystem::path FolderOf(const Given& given) {
+  return std::filesystem::path(given.file).parent_path();
+}
+
 Setting ParseSetting(const Given& given) {
   const auto equals = given.text.find('=');
   if (equals == std::string::npos || equals == 0 || given.text.find('.') > equals) {
     throw std::invalid_argument("expected key=value with a key such as planner.k");
   }
   return {Trimmed(given.text.substr(0, equals)), Trimmed(given.text.substr(equals + 1)),
-          given.from_file, WhereOf(given)};
+          given.from_file, WhereOf(given), FolderOf(given)};
 }
 
 }  // namespace
@@ -85,17 +89,20 @@ std::vector<Flag> SeedFlags(std::vector<std::uint64_t>* seeds) {
 }
 
 Flag SetFlag(std::vector<Setting>* settings) {
-  return {"set",
-          "KEY=VALUE",
-          {[settings](const Given& given) { settings->push_back(ParseSetting(given)); },
-           FlagValue::Takes::kTexts},
-          "set a parameter: planner.k for every planner that declares k, mcts_pw.k for one, "
-          "model.k, env.k or run.k; `runner describe NAME` lists them"};
+  return {
+      "set",
+      "KEY=VALUE",
+      {[settings](const Given& given) { settings->push_back(ParseSetting(given)); },
+       FlagValue::Takes::kTexts},
+      "set a parameter: planner.k for every planner that declares k, mcts_pw.k for one, "
+      "model.k, env.k or run.k; `runner describe NAME` lists them. In a shell a value with blanks, "
+      "brackets or < needs single quotes around it; a relative path begins in the folder in "
+      "which the command is typed"};
 }
 
 FlagValue SettingOf(std::vector<Setting>* settings, const std::string& key) {
   return {[settings, key](const Given& given) {
-    settings->push_back({key, given.text, given.from_file, WhereOf(given)});
+    settings->push_back({key, given.text, given.from_file, WhereOf(given), FolderOf(given)});
   }};
 }
 

@@ -72,6 +72,7 @@ int Verify::Run() {
       ComponentInfo info = *component->info;
       info.plugin.sha256 = Sha256HexOfFile(info.plugin.path);
       component->info = std::make_shared<const ComponentInfo>(std::move(info));
+      DigestFilesAnew(&component->parameters);
     }
   }
 

@@ -30,6 +30,7 @@ ParameterInfo DescribeParameter(const ParameterSpec& spec) {
   info.choices = SplitList(TextOrEmpty(spec.choices), ',');
   info.unit = TextOrEmpty(spec.unit);
   info.help = TextOrEmpty(spec.help);
+  info.variation = spec.variation;
   for (std::uint32_t i = 0; i < spec.preset_count; ++i) {
     const PresetValue& preset = spec.presets[i];
     info.presets.push_back({preset.preset, preset.number, TextOrEmpty(preset.choice)});

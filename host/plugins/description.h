@@ -36,6 +36,7 @@ struct ParameterInfo {
   std::vector<std::string> choices;
   std::string unit;
   std::string help;
+  bool variation = false;
   std::vector<PresetInfo> presets;
 
   template <typename Archive>
@@ -49,6 +50,7 @@ struct ParameterInfo {
     (*archive)("choices", &choices);
     (*archive)("unit", &unit);
     (*archive)("help", &help);
+    (*archive)("variation", &variation);
     (*archive)("presets", &presets);
   }
 };

@@ -278,9 +278,13 @@ class Checker {
         }
         break;
       }
+      case ParameterType::kPath:
+        CheckText(what + ": its endings", parameter.choices, false);
+        break;
       default:
         Refuse(what +
-               ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice) or 4 (text), found " +
+               ": expected type 0 (bool), 1 (int), 2 (real), 3 (choice), 4 (text) or 5 (path), "
+               "found " +
                std::to_string(static_cast<std::uint32_t>(parameter.type)));
     }
     CheckValue(what + ": its default", parameter, choices, parameter.default_number,
@@ -319,6 +323,12 @@ class Checker {
                   const char* choice) const {
     if (parameter.type == ParameterType::kText) {
       CheckText(what, choice, false);
+      return;
+    }
+    if (parameter.type == ParameterType::kPath) {
+      CheckText(what, choice, false);
+      // What would it be relative to?
+      if (*choice != '\0') Refuse(what + ": expected none of a path, found '" + choice + "'");
       return;
     }
     if (parameter.type == ParameterType::kChoice) {

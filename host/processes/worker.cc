@@ -123,9 +123,9 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
   };
   check("configuration", stored.configuration, expected.configuration);
   check("seed", std::to_string(stored.seed), std::to_string(expected.seed));
-  if (const std::string changed = ChangedPlugin(job.spec, stored.plugins); !changed.empty()) {
+  if (const std::string changed = ChangedSince(job.spec, stored.plugins); !changed.empty()) {
     throw Failure(ExitCode::kPluginRefused,
-                  path + " was made with another plugin: " + changed +
+                  path + " was made before something changed: " + changed +
                       ". Use the old one, another --study, or --replace to start over");
   }
   if (stored.instruction_set != expected.instruction_set && !job.force) {

@@ -46,7 +46,7 @@ struct CheckpointHeader {
   std::string configuration;  // its SHA-256
   std::uint64_t seed = 0;
   std::string instruction_set;
-  std::map<std::string, std::string> plugins;  // SHA-256 of the file by the plugin's name
+  std::map<std::string, std::string> plugins;  // DigestsOf its run
 
   template <typename Archive>
   void Fields(Archive* archive) {

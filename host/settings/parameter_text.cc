@@ -19,6 +19,7 @@ std::string DefaultText(const ParameterInfo& parameter) {
     case ParameterType::kChoice:
       return parameter.default_choice;
     case ParameterType::kText:
+    case ParameterType::kPath:
       return "'" + parameter.default_choice + "'";
     default:
       return NumberText(parameter.type, parameter.default_number);
@@ -56,9 +57,22 @@ std::string Expectation(const ParameterInfo& parameter) {
     case ParameterType::kText:
       text += "a text of one line";
       break;
+    case ParameterType::kPath:
+      text += "the path of a file";
+      if (!parameter.choices.empty()) text += " (" + JoinNames(parameter.choices) + ") or a name";
+      break;
   }
   if (!parameter.unit.empty()) text += " (" + parameter.unit + ")";
   return text + ", default " + DefaultText(parameter);
+}
+
+std::string ExpectedVariation(const std::vector<ParameterInfo>& parameters) {
+  std::vector<std::string> names;
+  for (const ParameterInfo& parameter : parameters) {
+    if (parameter.variation) names.push_back("env." + parameter.name);
+  }
+  return names.empty() ? "expected a factor of variation, of which this task has none"
+                       : "expected a factor of variation (" + JoinNames(names) + ")";
 }
 
 bool IsOneLine(const std::string& text) {
@@ -96,6 +110,7 @@ bool ParseValue(const ParameterInfo& parameter, const std::string& text, Resolve
       return std::find(parameter.choices.begin(), parameter.choices.end(), text) !=
              parameter.choices.end();
     case ParameterType::kText:
+    case ParameterType::kPath:
       value->choice = text;
       return IsOneLine(text);
   }

@@ -17,7 +17,9 @@ struct Setting {
   std::string key;
   std::string value;
   bool from_file = false;
-  std::string where;  // "runner: --set", "/path/x.cfg, line 3": begins a message
+  std::string where;                  // "runner: --set", "/path/x.cfg, line 3": begins a message
+  std::filesystem::path folder = {};  // a relative path in `value` begins here; empty: where
+                                      // the command was typed
 };
 
 // What every command that runs experiments understands.

@@ -57,6 +57,7 @@ std::string ValueText(const ResolvedValue& value) {
       return value.number != 0 ? "true" : "false";
     case ParameterType::kChoice:
     case ParameterType::kText:
+    case ParameterType::kPath:
       return value.choice;
     default:
       return NumberText(value.type, value.number);
@@ -107,21 +108,54 @@ std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
   return components;
 }
 
-std::string ChangedPlugin(const RunSpec& spec, const std::map<std::string, std::string>& then) {
+namespace {
+
+// The files that the run's settings name, each with its SHA-256 in the value.
+std::vector<const ResolvedValue*> NamedFiles(const RunSpec& spec) {
+  std::vector<const ResolvedValue*> files;
+  for (const ResolvedComponent* component : ComponentsOf(spec)) {
+    for (const ResolvedValue& value : component->parameters.values) {
+      if (!value.sha256.empty()) files.push_back(&value);
+    }
+  }
+  return files;
+}
+
+std::string DigestName(const ResolvedValue& file) { return "file " + file.choice; }
+
+// As PluginChange.
+std::string FileChange(const ResolvedValue& now, const std::string& then) {
+  if (now.sha256 == then) return "";
+  return DigestName(now) + " changed (SHA-256 " +
+         (then.empty() ? "of another file" : then.substr(0, 12)) + " then, " +
+         now.sha256.substr(0, 12) + " now)";
+}
+
+}  // namespace
+
+std::string ChangedSince(const RunSpec& spec, const std::map<std::string, std::string>& then) {
+  const auto before = [&](const std::string& name) {
+    const auto found = then.find(name);
+    return found == then.end() ? std::string() : found->second;
+  };
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     const PluginInfo& now = component->info->plugin;
-    const auto before = then.find(now.name);
-    std::string change = PluginChange(now, before == then.end() ? "" : before->second);
+    std::string change = PluginChange(now, before(now.name));
+    if (!change.empty()) return change;
+  }
+  for (const ResolvedValue* file : NamedFiles(spec)) {
+    std::string change = FileChange(*file, before(DigestName(*file)));
     if (!change.empty()) return change;
   }
   return "";
 }
 
-std::map<std::string, std::string> PluginDigests(const RunSpec& spec) {
+std::map<std::string, std::string> DigestsOf(const RunSpec& spec) {
   std::map<std::string, std::string> digests;
   for (const ResolvedComponent* component : ComponentsOf(spec)) {
     digests[component->info->plugin.name] = component->info->plugin.sha256;
   }
+  for (const ResolvedValue* file : NamedFiles(spec)) digests[DigestName(*file)] = file->sha256;
   return digests;
 }
 
@@ -132,7 +166,24 @@ std::string ChangedFile(const RunSpec& spec) {
     std::string change = PluginChange(there, component->info->plugin.sha256);
     if (!change.empty()) return change;
   }
+  for (const ResolvedValue* file : NamedFiles(spec)) {
+    ResolvedValue there = *file;
+    there.sha256 = Sha256HexOfFile(file->choice);
+    std::string change = FileChange(there, file->sha256);
+    if (!change.empty()) return change;
+  }
   return "";
+}
+
+std::string DigestFilesAnew(ResolvedValues* values) {
+  std::string first;
+  for (ResolvedValue& value : values->values) {
+    if (value.sha256.empty()) continue;
+    const std::string then = value.sha256;
+    value.sha256 = Sha256HexOfFile(value.choice);
+    if (first.empty()) first = FileChange(value, then);
+  }
+  return first;
 }
 
 // --- configurations ----------------------------------------------------------
@@ -149,6 +200,7 @@ Json ValueJson(const ResolvedValue& value) {
       return value.number;
     case ParameterType::kChoice:
     case ParameterType::kText:
+    case ParameterType::kPath:
       return value.choice;
   }
   return nullptr;
@@ -161,7 +213,13 @@ Json CanonicalValues(const ResolvedValues& resolved) {
 }
 
 Json CanonicalComponent(const ResolvedComponent& component) {
-  return {{"name", component.name()}, {"parameters", CanonicalValues(component.parameters)}};
+  Json values = CanonicalValues(component.parameters);
+  for (const ParameterInfo& parameter : component.info->parameters) {
+    const ResolvedValue* value = component.parameters.Find(parameter.name);
+    const bool unchanged = value != nullptr && value->number == parameter.default_number;
+    if (parameter.variation && unchanged) values.erase(parameter.name);
+  }
+  return {{"name", component.name()}, {"parameters", values}};
 }
 
 }  // namespace
@@ -194,7 +252,7 @@ ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
     ParameterValue stored;
     stored.name = texts_.emplace_back(value.name).c_str();
     stored.number = value.number;
-    if (value.type == ParameterType::kChoice || value.type == ParameterType::kText) {
+    if (IsText(value.type)) {
       stored.choice = texts_.emplace_back(value.choice).c_str();
     }
     values_.push_back(stored);

@@ -31,7 +31,8 @@ struct ResolvedValue {
   std::string name;
   ParameterType type = ParameterType::kReal;
   double number = 0;   // kBool (0, 1), kInt, kReal
-  std::string choice;  // kChoice, kText
+  std::string choice;  // what IsText; of a file its absolute path
+  std::string sha256;  // of the file that a kPath names; else empty
   ValueOrigin origin = ValueOrigin::kDefault;
 
   template <typename Archive>
@@ -40,6 +41,7 @@ struct ResolvedValue {
     (*archive)("type", &type);
     (*archive)("number", &number);
     (*archive)("choice", &choice);
+    (*archive)("sha256", &sha256);
     (*archive)("origin", &origin);
   }
 };
@@ -145,19 +147,22 @@ struct RunSpec {
 // Its components, each plugin of which decides its results.
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
 
-// Which of the run's plugins is not the one it was then, and how (PluginChange); empty if
-// none. `then`: SHA-256 by the plugin's name.
-std::string ChangedPlugin(const RunSpec& spec, const std::map<std::string, std::string>& then);
-// SHA-256 of its plugins by name.
-std::map<std::string, std::string> PluginDigests(const RunSpec& spec);
-// Which of the plugin files that are there now is not the one that the run names, and how;
-// empty if none.
+// What decides the run's results beside its values: its plugins, and the files that its settings
+// name. Their SHA-256 by name.
+std::map<std::string, std::string> DigestsOf(const RunSpec& spec);
+// Which of them is not the one it was `then`, and how; empty if none.
+std::string ChangedSince(const RunSpec& spec, const std::map<std::string, std::string>& then);
+// Which of the files that are there now is not the one that the run names, and how; empty if
+// none. Throws what Sha256HexOfFile throws.
 std::string ChangedFile(const RunSpec& spec);
+// Takes the files that values name as they are now. Returns the first that changed, and how.
+std::string DigestFilesAnew(ResolvedValues* values);
 
 // What makes two runs the same configuration: every resolved value and the names
 // of the components, keys sorted, no space; of an evaluation what decides its
 // episodes. Not in it: study, seed, preset's name, versions of components and
-// plugins, where a value came from.
+// plugins, where a value came from, the content of files (DigestsOf), a factor of variation that
+// has its default.
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 

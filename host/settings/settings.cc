@@ -1,3 +1,4 @@
+// Over 400 lines: every rule of which setting wins reads the same targets.
 #include "host/settings/settings.h"
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "host/settings/named_file.h"
 #include "host/settings/parameter_text.h"
 #include "host/settings/run_parameters.h"
 #include "results/system/error.h"
@@ -85,7 +87,7 @@ struct Target {
 class Resolver {
  public:
   Resolver(const Options& options, const Catalogue& catalogue, const RunSpec* base)
-      : preset_(options.preset) {
+      : preset_(options.preset), of_trained_run_(base != nullptr && options.evaluate) {
     for (const ParameterSpec& spec : RunParameters()) {
       run_parameters_.push_back(DescribeParameter(spec));
     }
@@ -297,9 +299,14 @@ class Resolver {
     for (const auto& [target, i] : declaring) Set(setting, specific, target, i);
   }
 
-  static void Set(const Setting& setting, bool specific, Target* target, std::size_t i) {
+  void Set(const Setting& setting, bool specific, Target* target, std::size_t i) const {
     const ParameterInfo& parameter = (*target->parameters)[i];
     ResolvedValue value = target->values.values[i];
+    const bool of_task = target->info && target->info->kind == ComponentKind::kEnvironment;
+    if (of_trained_run_ && of_task && !parameter.variation) {
+      Fail(setting,
+           ExpectedVariation(*target->parameters) + ", because the trained run keeps its task");
+    }
     if (!ParseValue(parameter, setting.value, &value)) {
       std::string message = Expectation(parameter) + ", found '" + Quotable(setting.value) + "'";
       const auto near = parameter.type == ParameterType::kChoice
@@ -316,6 +323,7 @@ class Resolver {
     if (strength < source.strength) return;
     source = {strength, setting.where + " (" + setting.key + ")"};
     value.origin = setting.from_file ? ValueOrigin::kFile : ValueOrigin::kCommandLine;
+    if (parameter.type == ParameterType::kPath) TakeFile(parameter, setting, &value);
     target->values.values[i] = value;
   }
 
@@ -368,6 +376,7 @@ class Resolver {
   }
 
   std::string preset_;
+  bool of_trained_run_;
   std::vector<ParameterInfo> run_parameters_;
   std::deque<Target> targets_;  // the host's first; addresses stay
   std::vector<std::size_t> environments_, planners_, models_;

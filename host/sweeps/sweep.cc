@@ -73,21 +73,21 @@ struct Obstacle {
 // must find it.
 std::optional<Obstacle> ObstacleOf(results::Database* database, const results::RunInfo& run,
                                    const RunSpec& spec, bool replace) {
-  const auto other_plugin = [&](const std::string& changed) {
+  const auto other_file = [&](const std::string& changed) {
     return Obstacle{ExitCode::kPluginRefused,
                     replace ? changed
-                            : "it was begun with another plugin: " + changed +
+                            : "something changed since it began: " + changed +
                                   ". Use --replace to start it over, or another --study"};
   };
   if (const std::string changed = ChangedPlugin(database, run, spec); !changed.empty()) {
-    return other_plugin(changed);
+    return other_file(changed);
   }
   const std::filesystem::path folder = database->RunFolder(run);
   bool recorded = false;
   try {
-    const std::map<std::string, std::string> then = PluginDigests(ReadRunFile(folder).spec);
-    if (const std::string changed = ChangedPlugin(spec, then); !changed.empty()) {
-      return other_plugin(changed);
+    const std::map<std::string, std::string> then = DigestsOf(ReadRunFile(folder).spec);
+    if (const std::string changed = ChangedSince(spec, then); !changed.empty()) {
+      return other_file(changed);
     }
     recorded = true;
   } catch (const Failure&) {
@@ -100,8 +100,8 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
     if (!resumption.checkpoint) return std::nullopt;
     const auto header = resumption.checkpoint->checkpoint.Value<CheckpointHeader>(kHeaderPart);
     if (!recorded) {
-      const std::string changed = ChangedPlugin(spec, header.plugins);
-      if (!changed.empty()) return other_plugin(changed);
+      const std::string changed = ChangedSince(spec, header.plugins);
+      if (!changed.empty()) return other_file(changed);
     }
     if (replace &&
         (header.configuration != ConfigurationSha256(spec) || header.seed != spec.seed)) {
@@ -361,7 +361,7 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
   if (const std::string changed = ChangedFile(spec); !changed.empty()) {
     throw Failure(ExitCode::kPluginRefused,
                   "run " + std::to_string(run.run_id) +
-                      " was begun with another plugin: " + changed +
+                      " cannot resume, because something changed since it began: " + changed +
                       ". Give its command again with --replace to start it over, or with "
                       "another --study");
   }

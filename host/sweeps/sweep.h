@@ -31,7 +31,7 @@ enum class Action {
   kSkipFinished,
   kSkipFailed,
   kSkipActive,
-  kRefused,  // begun with other plugins, or its checkpoints do not continue it
+  kRefused,  // begun with other plugins or files, or its checkpoints do not continue it
 };
 bool IsWork(Action action);
 
@@ -44,8 +44,8 @@ struct PlannedRun {
 };
 
 // Decides for each run whether this command starts, resumes, skips or refuses it. Writes nothing;
-// `database` may be null (no file yet). An unfinished run whose plugins changed or that has lost
-// its checkpoints is refused, unless options.replace: then it starts over.
+// `database` may be null (no file yet). An unfinished run whose plugins or files changed or that
+// has lost its checkpoints is refused, unless options.replace: then it starts over.
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
 
@@ -72,7 +72,7 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
 
 // The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
-// a plugin's file has changed.
+// a plugin or a file that its settings name has changed.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run);
 

@@ -73,6 +73,10 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
     if (!change.empty() && changed.insert(now.name).second) {
       found.warnings.push_back(name + " was trained with another plugin: " + change);
     }
+    const std::string file = DigestFilesAnew(&component->parameters);
+    if (!file.empty() && changed.insert(file).second) {
+      found.warnings.push_back(name + " was trained with another file: " + file);
+    }
   }
   return found;
 }

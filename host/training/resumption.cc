@@ -56,7 +56,7 @@ CheckpointHeader HeaderOf(const RunSpec& spec, const std::string& uuid) {
   header.configuration = ConfigurationSha256(spec);
   header.seed = spec.seed;
   header.instruction_set = InstructionSetInUse();
-  header.plugins = PluginDigests(spec);
+  header.plugins = DigestsOf(spec);
   return header;
 }
 

@@ -28,9 +28,9 @@ constexpr ParameterSpec kGymParameters[] = {
     TextParameter("id", "",
                   "What to play: a registered name such as Hopper-v5; or, with `module`, the name "
                   "of a class there."),
-    TextParameter("module", "",
-                  "A module that defines the class `id`: a dotted name, or the path of a .py "
-                  "file; \"\" for what is registered with Gymnasium."),
+    PathParameter("module", ".py",
+                  "A module that defines the class `id`: the path of a .py file, or a dotted "
+                  "name; \"\" for what is registered with Gymnasium."),
     Interpreter(),
     Arguments(),
     EpisodeSteps(),
@@ -70,7 +70,7 @@ Status MakeGym(const EnvironmentContext& context, Environment** result) noexcept
   const Parameters& parameters = context.parameters;
   PythonEnvironmentSettings settings;
   settings.kind = "gym";
-  settings.module = parameters.GetText("module");
+  settings.module = parameters.GetPath("module");
   settings.action_low = parameters.GetReal("action_low");
   settings.action_high = parameters.GetReal("action_high");
   return Make(std::move(settings), parameters, result);

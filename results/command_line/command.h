@@ -41,6 +41,7 @@ struct Given {
   std::string text;   // its value; of a switch on the command line empty
   std::string where;  // "runner list", "/path/x.cfg, line 3"
   bool from_file = false;
+  std::string file = {};  // its absolute path, if from_file
 
   // Begins a message: "runner list: --plugin-path", "/path/x.cfg, line 3: plugin-path".
   std::string Where() const;

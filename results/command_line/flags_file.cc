@@ -83,6 +83,7 @@ std::vector<Given> ReadFlagsFile(const CommandSpec& spec, const std::string& pat
         fail(name + " is given twice; expected it once. The other is on line " +
              std::to_string(before->second));
       }
+      given.file = file;
       all.push_back(std::move(given));
     }
   }

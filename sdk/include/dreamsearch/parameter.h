@@ -22,10 +22,17 @@ enum class ParameterType : std::uint32_t {
   kReal = 2,
   kChoice = 3,
   kText = 4,  // any text of one line
+  kPath = 5,  // a file that is there, or ""; see PathParameter
 };
 
-// The value a parameter takes under a named preset; for kBool 0 or 1, for
-// kChoice and kText see `choice`.
+// Whether its value is a text rather than a number.
+constexpr bool IsText(ParameterType type) {
+  return type == ParameterType::kChoice || type == ParameterType::kText ||
+         type == ParameterType::kPath;
+}
+
+// The value a parameter takes under a named preset; for kBool 0 or 1, for what IsText
+// see `choice`.
 struct PresetValue {
   const char* preset = nullptr;
   double number = 0;
@@ -41,11 +48,20 @@ struct ParameterSpec {
   double default_number = 0;             // kBool (0, 1), kInt, kReal
   double min = 0;                        // kInt, kReal: inclusive
   double max = 0;                        // kInt, kReal: inclusive
-  const char* default_choice = nullptr;  // kChoice, kText
-  const char* choices = nullptr;         // kChoice: "one,two,three"
+  const char* default_choice = nullptr;  // what IsText; of kPath ""
+  const char* choices = nullptr;         // kChoice: "one,two,three"; kPath: endings
   const char* unit = nullptr;            // "" when it has none
   const char* help = nullptr;            // one sentence, with its source
+  // Of an environment: a factor of variation, which changes the world and not the task's
+  // sizes. A trained agent may be evaluated under another value. Its default changes nothing.
+  bool variation = false;
   PresetValue presets[kMaxPresets];
+
+  constexpr ParameterSpec Variation() const {
+    ParameterSpec copy = *this;
+    copy.variation = true;
+    return copy;
+  }
 
   // Declares another value for a preset. Usable in constant expressions.
   constexpr ParameterSpec Preset(const char* preset, double number) const {
@@ -126,11 +142,27 @@ constexpr ParameterSpec TextParameter(const char* name, const char* value, const
   return spec;
 }
 
+// The path of a file; "" if none is named. The host looks whether the file is there and can be
+// read when the run is resolved, hands over its absolute path, and records its SHA-256: a run
+// does not resume once the file has changed. A relative path is relative to the configuration
+// file that has it, or to the folder in which the command was typed.
+// `endings`, ".py,.pyc", if not "": only a text that ends so is a path, others are names.
+constexpr ParameterSpec PathParameter(const char* name, const char* endings, const char* help) {
+  ParameterSpec spec;
+  spec.name = name;
+  spec.type = ParameterType::kPath;
+  spec.default_choice = "";
+  spec.choices = endings;
+  spec.unit = "";
+  spec.help = help;
+  return spec;
+}
+
 // One resolved value. Numbers of kInt fit a double exactly (|v| <= 2^53).
 struct ParameterValue {
   const char* name = nullptr;
   double number = 0;
-  const char* choice = nullptr;  // kChoice, kText
+  const char* choice = nullptr;  // what IsText
 };
 
 // The resolved values of one component, valid during the factory call.
@@ -157,6 +189,7 @@ struct Parameters {
     return value != nullptr && value->choice != nullptr ? value->choice : "";
   }
   const char* GetText(const char* name) const noexcept { return GetChoice(name); }
+  const char* GetPath(const char* name) const noexcept { return GetChoice(name); }
   bool IsChoice(const char* name, const char* choice) const noexcept {
     return std::strcmp(GetChoice(name), choice) == 0;
   }

@@ -71,6 +71,7 @@ constexpr std::uint32_t TraitsOf(ComponentKind kind) noexcept {
 
 struct EnvironmentContext {
   Parameters parameters;
+  std::uint32_t action_repeat = 1;  // environment steps a decision; the host repeats
 };
 
 struct ModelContext {

@@ -93,12 +93,12 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.3, found "
+  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.4, found "
                          "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
   refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"expected SDK version 0.3, found 7.3"});
-  refused("newer_minor", {"expected SDK version 0.3, found 0.4"});
-  refused("older_minor", {"expected SDK version 0.3, found 0.2"});
+  refused("other_major_field", {"expected SDK version 0.4, found 7.4"});
+  refused("newer_minor", {"expected SDK version 0.4, found 0.5"});
+  refused("older_minor", {"expected SDK version 0.4, found 0.3"});
   refused("short_descriptor",
           {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
   refused("interface_revision", {"interface revision 2, found 3"});

@@ -31,7 +31,11 @@ constexpr ParameterSpec kSearch[] = {
     IntParameter("simulations", 50, 1, 1000000, "simulations", "A decision's.").Preset("fast", 40),
     ChoiceParameter("first_play", "parent", "parent,zero", "An unvisited edge's Q.")
         .Preset("fast", "zero")};
-constexpr ParameterSpec kBridge[] = {TextParameter("id", "none", "What to play.")};
+constexpr ParameterSpec kBridge[] = {
+    TextParameter("id", "none", "What to play."), PathParameter("model", "", "A file."),
+    PathParameter("module", ".py,.pyc", "A file or a name."),
+    RealParameter("gravity", 1, 0, 10, "", "A changed world.").Variation(),
+    RealParameter("size", 1, 0, 10, "", "Another task.")};
 constexpr ParameterSpec kCem[] = {IntParameter("candidates", 1000, 1, 100000, "", "Sequences.")};
 
 constexpr RunPreset kWishes[] = {{"batch_size", "fast", 256},

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -18,36 +17,17 @@
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 #include "tests/host/refusal.h"
+#include "tests/host/settings/test_catalogue.h"
 
 namespace dreamsearch {
 namespace {
 
-const Catalogue& TestCatalogue() {
-  static const Catalogue catalogue = [] {
-    ScanOptions patient;
-    patient.timeout = std::chrono::seconds(60);
-    return Catalogue::Scan({DREAMSEARCH_SETTINGS_PLUGIN_DIR}, patient);
-  }();
-  return catalogue;
-}
-
-Options Base() {
-  Options options;
-  options.environments = {"walker_walk"};
-  options.planners = {"mcts_pw"};
-  options.models = {"dreamer"};
-  options.seeds = {0};
-  return options;
-}
-
 Setting CommandLine(const std::string& key, const std::string& value) {
-  return {key, value, false, "runner: --set"};
+  return {key, value, false, "runner: --set", {}};
 }
 Setting File(const std::string& key, const std::string& value) {
-  return {key, value, true, "/x.cfg, line 3"};
+  return {key, value, true, "/x.cfg, line 3", {}};
 }
-
-RunSpec Resolve(const Options& options) { return ResolveMatrix(options, TestCatalogue()).at(0); }
 
 RunSpec With(const std::vector<Setting>& settings) {
   Options options = Base();

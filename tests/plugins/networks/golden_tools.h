@@ -320,6 +320,7 @@ inline Json ResolvedSettings(View<const ParameterSpec> specs, const char* preset
         break;
       case ParameterType::kChoice:
       case ParameterType::kText:
+      case ParameterType::kPath:
         settings[spec.name] = choice;
         break;
     }

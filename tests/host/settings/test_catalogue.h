@@ -1,0 +1,34 @@
+// test_catalogue.h - the components of settings_plugin.cc, and what to resolve with them.
+#pragma once
+
+#include <chrono>
+
+#include "host/plugins/catalogue.h"
+#include "host/settings/run_options.h"
+#include "host/settings/settings.h"
+
+namespace dreamsearch {
+
+inline const Catalogue& TestCatalogue() {
+  static const Catalogue catalogue = [] {
+    ScanOptions patient;
+    patient.timeout = std::chrono::seconds(60);
+    return Catalogue::Scan({DREAMSEARCH_SETTINGS_PLUGIN_DIR}, patient);
+  }();
+  return catalogue;
+}
+
+inline Options Base() {
+  Options options;
+  options.environments = {"walker_walk"};
+  options.planners = {"mcts_pw"};
+  options.models = {"dreamer"};
+  options.seeds = {0};
+  return options;
+}
+
+inline RunSpec Resolve(const Options& options) {
+  return ResolveMatrix(options, TestCatalogue()).at(0);
+}
+
+}  // namespace dreamsearch
