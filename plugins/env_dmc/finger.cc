@@ -13,7 +13,7 @@ constexpr int kMostTries = 1000;
 
 class Finger : public ControlTask {
  protected:
-  Finger(const char* name, std::vector<ObservationPart> observation)
+  Finger(const char* name, std::vector<mujoco::Part> observation)
       : ControlTask({.name = name,
                      .model = CopyOfCompiled("finger", ModelText("finger.xml")),
                      .substeps = 2,

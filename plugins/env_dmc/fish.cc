@@ -10,7 +10,7 @@ constexpr int kRootQpos = 7;  // position and quaternion; the seven hinges follo
 
 class Fish : public ControlTask {
  protected:
-  Fish(const char* name, std::vector<ObservationPart> observation)
+  Fish(const char* name, std::vector<mujoco::Part> observation)
       : ControlTask({.name = name,
                      .model = CopyOfCompiled("fish", ModelText("fish.xml")),
                      .substeps = 10,

@@ -4,6 +4,7 @@
 #include <array>
 #include <exception>
 #include <iterator>
+#include <memory>
 #include <utility>
 
 #include "tasks.h"
@@ -12,10 +13,12 @@ namespace dreamsearch::dmc {
 namespace {
 
 template <std::size_t I>
-Status Create(const EnvironmentContext&, Environment** result) noexcept {
+Status Create(const EnvironmentContext& context, Environment** result) noexcept {
   *result = nullptr;
   try {
-    *result = kTasks[I].make();
+    std::unique_ptr<ControlTask> task(kTasks[I].make());
+    task->Vary(mujoco::Variation::From(context.parameters, context.action_repeat));
+    *result = task.release();
     return OkStatus();
   } catch (const std::exception& error) {
     return Error(StatusCode::kInternal, "%s: %s", kTasks[I].name, error.what());
@@ -30,6 +33,7 @@ constexpr auto MakeComponents(std::index_sequence<I...>) {
                           .aliases = kTasks[I].aliases,
                           .version = "1.0.0",
                           .summary = kTasks[I].summary,
+                          .parameters = ViewOf(mujoco::kVariationParameters),
                           .create_environment = Create<I>}...};
 }
 

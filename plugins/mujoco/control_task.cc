@@ -5,17 +5,17 @@
 #include <cstring>
 #include <numbers>
 
+#include "dreamsearch/random.h"
+
 namespace dreamsearch::mujoco {
 namespace {
 
-constexpr std::uint32_t kEpisodeSteps = 1000;
 constexpr std::uint64_t kStateMagic = 0x31307473636d6473ull;  // "sdmcst01"
 
 // FNV-1a.
-std::uint64_t HashName(const char* name) {
+std::uint64_t HashName(const std::string& name) {
   std::uint64_t hash = 14695981039346656037ull;
-  for (; *name != '\0'; ++name)
-    hash = (hash ^ static_cast<unsigned char>(*name)) * 1099511628211ull;
+  for (const char c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ull;
   return hash;
 }
 
@@ -46,42 +46,54 @@ struct ControlTask::StateHeader {
 };
 
 ControlTask::ControlTask(TaskSettings settings)
-    : name_(settings.name),
-      task_hash_(HashName(settings.name)),
+    : name_(std::move(settings.name)),
+      task_hash_(HashName(name_)),
       model_(std::move(settings.model)),
       data_(mj_makeData(model_.get())),
       rk4_(model_->opt.integrator == mjINT_RK4),
       substeps_(settings.substeps),
-      observation_parts_(std::move(settings.observation)),
+      parts_(std::move(settings.observation)),
+      actuators_(std::move(settings.actuators)),
+      action_low_(std::move(settings.action_low)),
+      action_high_(std::move(settings.action_high)),
       qpos_before_(model_->nq) {
   if (data_ == nullptr) throw EngineError("cannot allocate mjData");
-  for (int i = 0; i < model_->nu; ++i) {
-    action_low_.push_back(model_->actuator_ctrlrange[2 * i]);
-    action_high_.push_back(model_->actuator_ctrlrange[2 * i + 1]);
+  if (actuators_.empty()) {
+    for (int i = 0; i < model_->nu; ++i) actuators_.push_back(i);
   }
+  if (action_low_.empty()) {
+    for (const int i : actuators_) {
+      action_low_.push_back(model_->actuator_ctrlrange[2 * i]);
+      action_high_.push_back(model_->actuator_ctrlrange[2 * i + 1]);
+    }
+  }
+  for (const Part& part : parts_) observation_parts_.push_back({part.name.c_str(), part.size});
   spec_.observation = {observation_parts_.data(), observation_parts_.size()};
   for (const ObservationPart& part : observation_parts_) spec_.observation_size += part.size;
-  spec_.action_size = model_->nu;
+  spec_.action_size = actuators_.size();
   spec_.action_low = {action_low_.data(), action_low_.size()};
   spec_.action_high = {action_high_.data(), action_high_.size()};
   spec_.control_seconds = model_->opt.timestep * substeps_;
   spec_.substeps = static_cast<std::uint32_t>(substeps_);
-  spec_.episode_steps = kEpisodeSteps;
-  spec_.return_low = 0;
-  spec_.return_high = kEpisodeSteps;
+  spec_.episode_steps = settings.episode_steps;
+  spec_.terminates = settings.terminates;
+  spec_.return_low = settings.return_low;
+  spec_.return_high = settings.return_high;
   LayOutState();
 }
 
 Status ControlTask::Reset(std::uint32_t seed, View<double> observation) noexcept {
   if (observation.size != spec_.observation_size) {
     return Error(StatusCode::kInvalidArgument,
-                 "%s: Reset: expected %llu observation entries, got %llu", name_,
+                 "%s: Reset: expected %llu observation entries, got %llu", name_.c_str(),
                  static_cast<unsigned long long>(spec_.observation_size),
                  static_cast<unsigned long long>(observation.size));
   }
   running_ = false;
   try {
     NumpyRandom random(seed);
+    seed_ = seed;
+    std::fill(delayed_.begin(), delayed_.end(), 0.0);
     mj_resetData(model_.get(), data_.get());
     ForwardWithoutActuation();
     ClearWarnings();  // those of the default pose are nobody's concern
@@ -89,7 +101,7 @@ Status ControlTask::Reset(std::uint32_t seed, View<double> observation) noexcept
     mju_copy(qpos_before_.data(), data_->qpos, model_->nq);
     ForwardWithoutActuation();
     if (Status status = FirstWarning("in Reset"); !status.ok()) return status;
-    Observe(observation.data);
+    ObserveWithNoise(0, observation);
   } catch (const std::exception& error) {
     return Fail("Reset", error.what());
   }
@@ -103,12 +115,12 @@ Status ControlTask::Step(View<const double> action, View<double> observation,
                          StepResult* result) noexcept {
   if (!running_) {
     return Error(StatusCode::kFailedPrecondition, "%s: Step: no episode is under way; call Reset",
-                 name_);
+                 name_.c_str());
   }
   if (action.size != spec_.action_size || observation.size != spec_.observation_size) {
     return Error(StatusCode::kInvalidArgument,
                  "%s: Step: expected %llu action and %llu observation entries, got %llu and %llu",
-                 name_, static_cast<unsigned long long>(spec_.action_size),
+                 name_.c_str(), static_cast<unsigned long long>(spec_.action_size),
                  static_cast<unsigned long long>(spec_.observation_size),
                  static_cast<unsigned long long>(action.size),
                  static_cast<unsigned long long>(observation.size));
@@ -116,12 +128,13 @@ Status ControlTask::Step(View<const double> action, View<double> observation,
   for (std::uint64_t i = 0; i < action.size; ++i) {
     if (!std::isfinite(action[i])) {
       return Error(StatusCode::kInvalidArgument,
-                   "%s: Step %u: action[%llu] is %g, expected a number", name_, steps_ + 1,
+                   "%s: Step %u: action[%llu] is %g, expected a number", name_.c_str(), steps_ + 1,
                    static_cast<unsigned long long>(i), action[i]);
     }
   }
+  bool terminal = false;
   try {
-    mju_copy(data_->ctrl, action.data, model_->nu);
+    Control(action);
     ClearWarnings();
     Advance(substeps_);
     if (Status status = FirstWarning("in the physics"); !status.ok()) {
@@ -129,23 +142,53 @@ Status ControlTask::Step(View<const double> action, View<double> observation,
       return status;
     }
     result->reward = Reward();
-    Observe(observation.data);
+    terminal = Terminated();
+    ObserveWithNoise(steps_ + 1, observation);
   } catch (const std::exception& error) {
     return Fail("Step", error.what());
   }
   ++steps_;
-  running_ = steps_ < kEpisodeSteps;
-  result->discount = 1;
+  running_ = !terminal && steps_ < spec_.episode_steps;
+  result->discount = terminal ? 0 : 1;
   result->last = !running_;
   PackState();
   return OkStatus();
 }
 
+void ControlTask::Vary(const Variation& variation) {
+  variation_ = variation;
+  ChangeModel(variation, model_.get());
+  delayed_.assign(variation.delay_steps * spec_.action_size, 0.0);
+  LayOutState();
+}
+
+void ControlTask::Control(View<const double> action) {
+  const double* now = action.data;
+  if (!delayed_.empty()) {
+    delayed_.insert(delayed_.end(), action.begin(), action.end());
+    now = delayed_.data();
+  }
+  for (std::size_t i = 0; i < actuators_.size(); ++i) data_->ctrl[actuators_[i]] = now[i];
+  if (!delayed_.empty()) {
+    delayed_.erase(delayed_.begin(), delayed_.begin() + static_cast<std::ptrdiff_t>(action.size));
+  }
+}
+
+// The noise of a step is that of the episode's seed and the step, so that a restored state sees
+// the noise it would have seen.
+void ControlTask::ObserveWithNoise(std::uint32_t step, View<double> observation) const {
+  Observe(observation.data);
+  if (variation_.observation_noise == 0) return;
+  Random random(DeriveSeed(seed_, step));
+  for (double& entry : observation) entry += variation_.observation_noise * random.Normal();
+}
+
 // What decides the future: time, positions, velocities, activations, the solver's
-// starting point and the model values that the reset wrote. All else mj_step1
-// computes from these.
+// starting point, the model values that the reset wrote, actions that have not acted yet and
+// the seed of the noise. All else mj_step1 computes from these.
 void ControlTask::LayOutState() {
   std::size_t size = 1 + model_->nq + 2 * model_->nv + model_->na;
+  size += delayed_.size() + (variation_.observation_noise != 0 ? 1 : 0);
   for (const auto& values : written_) size += values.size();
   packed_.resize(size);
   spec_.state_bytes = sizeof(StateHeader) + size * sizeof(double);
@@ -160,6 +203,8 @@ void ControlTask::PackState() {
   out = std::copy_n(data_->act, model_->na, out);
   out = std::copy_n(data_->qacc_warmstart, model_->nv, out);
   for (const auto& values : written_) out = std::copy(values.begin(), values.end(), out);
+  out = std::copy(delayed_.begin(), delayed_.end(), out);
+  if (variation_.observation_noise != 0) *out = seed_;
   packed_steps_ = steps_;
   packed_running_ = running_;
 }
@@ -167,7 +212,7 @@ void ControlTask::PackState() {
 Status ControlTask::SaveState(View<std::byte> state) const noexcept {
   if (state.size != spec_.state_bytes) {
     return Error(StatusCode::kInvalidArgument, "%s: SaveState: expected %llu bytes, got %llu",
-                 name_, static_cast<unsigned long long>(spec_.state_bytes),
+                 name_.c_str(), static_cast<unsigned long long>(spec_.state_bytes),
                  static_cast<unsigned long long>(state.size));
   }
   const std::size_t bytes = packed_.size() * sizeof(double);
@@ -185,8 +230,8 @@ Status ControlTask::SaveState(View<std::byte> state) const noexcept {
 
 Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
   if (state.size != spec_.state_bytes) {
-    return Error(StatusCode::kDataLoss, "%s: RestoreState: expected %llu bytes, got %llu", name_,
-                 static_cast<unsigned long long>(spec_.state_bytes),
+    return Error(StatusCode::kDataLoss, "%s: RestoreState: expected %llu bytes, got %llu",
+                 name_.c_str(), static_cast<unsigned long long>(spec_.state_bytes),
                  static_cast<unsigned long long>(state.size));
   }
   StateHeader header;
@@ -194,10 +239,11 @@ Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
   const auto* values = reinterpret_cast<const unsigned char*>(state.data + sizeof header);
   if (header.magic != kStateMagic || header.task != task_hash_) {
     return Error(StatusCode::kDataLoss, "%s: RestoreState: these bytes are not a state of %s",
-                 name_, name_);
+                 name_.c_str(), name_.c_str());
   }
   if (header.running > 1 || header.checksum != header.Checksum(values, packed_.size())) {
-    return Error(StatusCode::kDataLoss, "%s: RestoreState: the state is damaged (checksum)", name_);
+    return Error(StatusCode::kDataLoss, "%s: RestoreState: the state is damaged (checksum)",
+                 name_.c_str());
   }
   try {
     std::memcpy(packed_.data(), values, packed_.size() * sizeof(double));
@@ -212,7 +258,10 @@ Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
     take(data_->act, model_->na);
     take(data_->qacc_warmstart, model_->nv);
     for (const auto& written : written_) take(written.data(), written.size());
+    take(delayed_.data(), delayed_.size());
+    if (variation_.observation_noise != 0) seed_ = static_cast<std::uint32_t>(*in);
     mju_copy(qpos_before_.data(), data_->qpos, model_->nq);
+    SetConstants();
     ClearWarnings();
     mj_step1(model_.get(), data_.get());
     steps_ = packed_steps_ = header.steps;
@@ -234,7 +283,7 @@ Status ControlTask::Render(const RenderRequest& request, View<std::uint8_t> rgb)
     return Error(StatusCode::kInvalidArgument,
                  "%s: Render: expected 1 to %u pixels a side and 3 bytes for each, got %u x %u and "
                  "%llu bytes",
-                 name_, kLargest, request.width, request.height,
+                 name_.c_str(), kLargest, request.width, request.height,
                  static_cast<unsigned long long>(rgb.size));
   }
   try {
@@ -243,7 +292,7 @@ Status ControlTask::Render(const RenderRequest& request, View<std::uint8_t> rgb)
                     static_cast<int>(request.height), rgb.data);
     return OkStatus();
   } catch (const std::exception& error) {
-    return Error(StatusCode::kFailedPrecondition, "%s: Render: %s", name_, error.what());
+    return Error(StatusCode::kFailedPrecondition, "%s: Render: %s", name_.c_str(), error.what());
   }
 }
 
@@ -256,7 +305,7 @@ void ControlTask::AdoptPhysics(std::uint32_t steps) {
   mju_copy(qpos_before_.data(), data_->qpos, model_->nq);
   mj_step1(model_.get(), data_.get());
   steps_ = steps;
-  running_ = steps < kEpisodeSteps;
+  running_ = steps < spec_.episode_steps;
   PackState();
 }
 
@@ -291,7 +340,7 @@ void ControlTask::RandomiseJoints(NumpyRandom& random) {
       const double norm = QuaternionNorm(q);
       for (int i = 0; i < 4; ++i) qpos[3 + i] = q[i] / norm;
     } else if (type == mjJNT_BALL) {
-      throw EngineError("the suite's models have no ball joints");
+      throw EngineError("ball joints cannot be drawn uniformly");
     } else if (model_->jnt_limited[j]) {
       *qpos = random.Uniform(model_->jnt_range[2 * j], model_->jnt_range[2 * j + 1]);
     } else if (type == mjJNT_HINGE) {
@@ -307,8 +356,9 @@ void ControlTask::ClearWarnings() {
 Status ControlTask::FirstWarning(const char* when) const {
   for (int i = 0; i < mjNWARNING; ++i) {
     if (data_->warning[i].number == 0) continue;
-    return Error(StatusCode::kDiverged, "%s: engine warning %s, step %u of the episode: %s", name_,
-                 when, running_ ? steps_ + 1 : 0, mju_warningText(i, data_->warning[i].lastinfo));
+    return Error(StatusCode::kDiverged, "%s: engine warning %s, step %u of the episode: %s",
+                 name_.c_str(), when, running_ ? steps_ + 1 : 0,
+                 mju_warningText(i, data_->warning[i].lastinfo));
   }
   return OkStatus();
 }
@@ -317,8 +367,8 @@ Status ControlTask::FirstWarning(const char* when) const {
 Status ControlTask::Fail(const char* call, const char* what) noexcept {
   running_ = false;
   mj_resetData(model_.get(), data_.get());
-  return Error(StatusCode::kInternal, "%s: %s, step %u of the episode: %s", name_, call, steps_ + 1,
-               what);
+  return Error(StatusCode::kInternal, "%s: %s, step %u of the episode: %s", name_.c_str(), call,
+               steps_ + 1, what);
 }
 
 int ControlTask::Id(mjtObj type, const char* name) const {

@@ -24,14 +24,28 @@
 #include "plugins/mujoco/engine.h"
 #include "plugins/mujoco/numpy_random.h"
 #include "plugins/mujoco/renderer.h"
+#include "plugins/mujoco/variation.h"
 
 namespace dreamsearch::mujoco {
 
+// A named part of the observation.
+struct Part {
+  std::string name;
+  std::uint64_t size = 0;
+};
+
 struct TaskSettings {
-  const char* name = nullptr;  // of the component: "walker_walk"
+  std::string name;  // "walker_walk"
   ModelPtr model;
   int substeps = 1;  // physics steps in a control step
-  std::vector<ObservationPart> observation;
+  std::vector<Part> observation;
+  std::vector<int> actuators = {};       // that actions drive, in their order; empty: all
+  std::vector<double> action_low = {};   // of these; empty: the model's control ranges
+  std::vector<double> action_high = {};  //
+  std::uint32_t episode_steps = 1000;
+  bool terminates = false;  // Terminated may be true
+  double return_low = 0;
+  double return_high = 1000;
 };
 
 class ControlTask : public Environment {
@@ -55,6 +69,13 @@ class ControlTask : public Environment {
   virtual void Observe(double* observation) const = 0;
   virtual double Reward() const = 0;
 
+  // Whether the state that mjData is in is a terminal one.
+  virtual bool Terminated() const { return false; }
+
+  // Changes the world, once, before the first Reset and before any state is saved.
+  //   EngineError  the engine refused.
+  void Vary(const Variation& variation);
+
   mjModel* model() const { return model_.get(); }
   mjData* data() const { return data_.get(); }
 
@@ -66,9 +87,17 @@ class ControlTask : public Environment {
   void AdoptPhysics(std::uint32_t steps);
 
  protected:
+  const std::string& name() const { return name_; }
+  // The id of the actuator of each action entry.
+  const std::vector<int>& actuators() const { return actuators_; }
+
   // The task's own part of a reset: draws the initial state. mjData has just been
   // reset and run through ForwardWithoutActuation, which follows once more.
   virtual void DrawInitialState(NumpyRandom& random) = 0;
+
+  // Sets what of mjData no saved state holds because no step changes it, where that is not what
+  // mj_resetData sets. RestoreState calls it.
+  virtual void SetConstants() {}
 
   // Counts the physics steps: mj_step2 first for Euler, so that an action acts on
   // what the last mj_step1 computed; mj_step1 last, so that all that depends on
@@ -100,15 +129,20 @@ class ControlTask : public Environment {
   Status FirstWarning(const char* when) const;
   void LayOutState();
   void PackState();
+  // Puts the action into mjData.ctrl, or the one of delay_steps before.
+  void Control(View<const double> action);
+  void ObserveWithNoise(std::uint32_t step, View<double> observation) const;
   Status Fail(const char* call, const char* what) noexcept;
 
-  const char* name_;
+  std::string name_;
   std::uint64_t task_hash_;
   ModelPtr model_;
   DataPtr data_;
   bool rk4_;
   int substeps_;
+  std::vector<Part> parts_;
   std::vector<ObservationPart> observation_parts_;
+  std::vector<int> actuators_;
   std::vector<double> action_low_;
   std::vector<double> action_high_;
   EnvironmentSpec spec_;
@@ -117,6 +151,9 @@ class ControlTask : public Environment {
 
   bool running_ = false;
   std::uint32_t steps_ = 0;
+  Variation variation_;
+  std::uint32_t seed_ = 0;       // of the episode, for the noise
+  std::vector<double> delayed_;  // [delay_steps x A] actions that have not acted, oldest first
   // The positions as they went into the last position stage, which normalises
   // quaternions in place: normalising once more may move their last bit.
   std::vector<mjtNum> qpos_before_;

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "tests/plugins/env_dmc/episode_driver.h"
+#include "tests/sdk/default_values.h"
 
 namespace dreamsearch::dmc {
 namespace {
@@ -47,8 +48,11 @@ TEST(Plugin, OffersThePapersTasksAndTheFurtherOnes) {
 TEST(Plugin, EnvironmentsBehaveAsTheTasksInside) {
   for (const ComponentDescriptor& component : LoadPlugin()->components) {
     SCOPED_TRACE(component.name);
+    const std::vector<ParameterValue> values = DefaultValues(component);
+    EnvironmentContext context;
+    context.parameters = {{values.data(), values.size()}};
     Environment* environment = nullptr;
-    const Status created = component.create_environment({}, &environment);
+    const Status created = component.create_environment(context, &environment);
     ASSERT_TRUE(created.ok()) << created.message;
     EpisodeDriver inside(component.name);
     std::vector<double> observation(environment->spec().observation_size);

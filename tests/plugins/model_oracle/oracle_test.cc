@@ -9,6 +9,7 @@
 #include "dreamsearch/planning.h"
 #include "tests/plugins/planners/loaded_planner.h"
 #include "tests/plugins/planners/scripted_model.h"
+#include "tests/sdk/default_values.h"
 
 namespace dreamsearch {
 namespace {
@@ -429,8 +430,11 @@ TEST(Oracle, SaysWhatItCannotDo) {
 class EveryTask : public testing::TestWithParam<const ComponentDescriptor*> {
  protected:
   static Environment* Make() {
+    const std::vector<ParameterValue> values = DefaultValues(*GetParam());
+    EnvironmentContext context;
+    context.parameters = {{values.data(), values.size()}};
     Environment* environment = nullptr;
-    const Status made = GetParam()->create_environment({}, &environment);
+    const Status made = GetParam()->create_environment(context, &environment);
     if (!made.ok()) throw std::runtime_error(made.message);
     return environment;
   }
