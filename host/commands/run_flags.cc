@@ -63,7 +63,10 @@ CommandSpec RunFlags(Options* options) {
               "environment steps of each run, before action repeat"},
              SetFlag(&options->settings),
              {"config", "FILE", FlagsFile(),
-              "read flags from this file, one `name = value` a line; the command line wins"}}},
+              "read flags from this file, one `name = value` a line; the command line wins. A "
+              "value "
+              "is the rest of the line up to a #, without quotes; a relative path in a setting "
+              "begins in this file's folder"}}},
            LimitFlags(process),
            EarlierRuns({RetryFlag(process), ReplaceFlag(process)}),
            {"What to record", Joined(RecordingFlags(process), {DryRunFlag(process)})}},
@@ -97,7 +100,9 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
           "the model's. Without RUN it proposes uniform random actions and gives everything the "
           "value 0; the planner `random` is then the baseline, and `dreamer` plays the action 0. A "
           "planner that the run trained or evaluated with keeps the run's settings, others have "
-          "those of the preset; --set changes any.\n"
+          "those of the preset; --set changes any. Of the task it "
+          "changes factors of variation, such as env.gravity_scale, if the task has them: the "
+          "agent then plays in a changed world, and the model `oracle` knows that world.\n"
           "Episode i starts in the same state under every planner and model of a run seed. The "
           "table on standard output shows the mean return and its standard error, milliseconds a "
           "decision and model transitions a decision. For times that no other episode disturbs, "

@@ -20,27 +20,12 @@ bool IsNameCharacter(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == ':';
 }
 
-// Looks at every `name="value"` of the text, comments included: what an XML
-// parser might skip is then refused rather than missed.
 void CheckFileReferences(const std::string& name, std::string_view mjcf,
                          std::span<const ModelFile> files) {
-  for (std::size_t i = mjcf.find('='); i != std::string::npos; i = mjcf.find('=', i + 1)) {
-    std::size_t end = i;
-    while (end > 0 && std::isspace(static_cast<unsigned char>(mjcf[end - 1]))) --end;
-    std::size_t begin = end;
-    while (begin > 0 && IsNameCharacter(mjcf[begin - 1])) --begin;
-    const std::string attribute(mjcf.substr(begin, end - begin));
-    const bool is_file = attribute.starts_with("file");  // file, fileup, ..., filename
-    const bool is_folder = attribute.size() > 3 && attribute.ends_with("dir");  // meshdir, ...
-    if (!is_file && !is_folder) continue;
-    std::size_t open = i + 1;
-    while (open < mjcf.size() && std::isspace(static_cast<unsigned char>(mjcf[open]))) ++open;
-    std::string value;
-    if (open < mjcf.size() && (mjcf[open] == '"' || mjcf[open] == '\'')) {
-      value = mjcf.substr(open + 1, mjcf.find(mjcf[open], open + 1) - open - 1);
-    }
-    if (is_folder || !IsAmong(files, value)) {
-      throw EngineError("model '" + name + "' refers to " + attribute + "=\"" + value +
+  for (const FileReference& reference : FileReferences(mjcf)) {
+    if (reference.folder || !IsAmong(files, reference.value)) {
+      throw EngineError("model '" + name + "' refers to " + reference.attribute + "=\"" +
+                        reference.value +
                         "\"; it may refer only to the plugin's own model files, by bare name");
     }
   }
@@ -78,6 +63,42 @@ void InstallEngineHandlers() {
     mju_user_error = ThrowEngineError;
     mju_user_warning = IgnoreEngineWarning;
   });
+}
+
+std::vector<FileReference> FileReferences(std::string_view mjcf) {
+  std::vector<FileReference> references;
+  for (std::size_t i = mjcf.find('='); i != std::string::npos; i = mjcf.find('=', i + 1)) {
+    std::size_t end = i;
+    while (end > 0 && std::isspace(static_cast<unsigned char>(mjcf[end - 1]))) --end;
+    std::size_t begin = end;
+    while (begin > 0 && IsNameCharacter(mjcf[begin - 1])) --begin;
+    const std::string attribute(mjcf.substr(begin, end - begin));
+    const bool is_file = attribute.starts_with("file");  // file, fileup, ..., filename
+    const bool is_folder = attribute.size() > 3 && attribute.ends_with("dir");  // meshdir, ...
+    if (!is_file && !is_folder) continue;
+    std::size_t open = i + 1;
+    while (open < mjcf.size() && std::isspace(static_cast<unsigned char>(mjcf[open]))) ++open;
+    std::string value;
+    if (open < mjcf.size() && (mjcf[open] == '"' || mjcf[open] == '\'')) {
+      value = mjcf.substr(open + 1, mjcf.find(mjcf[open], open + 1) - open - 1);
+    }
+    references.push_back({attribute, value, is_folder});
+  }
+  return references;
+}
+
+ModelPtr CompileFile(const std::string& path) {
+  InstallEngineHandlers();
+  char error[1000] = "";
+  std::string reason;
+  try {
+    ModelPtr model(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
+    if (model != nullptr) return model;
+    reason = error;
+  } catch (const EngineError& raised) {
+    reason = raised.what();
+  }
+  throw EngineError(path + " does not compile with MuJoCo " + mj_versionString() + ": " + reason);
 }
 
 ModelPtr CompileModel(const std::string& name, std::string_view mjcf,

@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace dreamsearch::mujoco {
 
@@ -48,6 +49,21 @@ struct ModelFile {
 //   EngineError  the text refers to a file it may not use, or does not compile.
 ModelPtr CompileModel(const std::string& name, std::string_view mjcf,
                       std::span<const ModelFile> files);
+
+// An attribute of MJCF that names a file or a folder: file, fileup, filename, meshdir, ...
+struct FileReference {
+  std::string attribute;
+  std::string value;  // as written, entities and all; empty also where it is not quoted
+  bool folder = false;
+};
+
+// All of them in the text, comments included: what an XML parser might skip is found rather
+// than missed.
+std::vector<FileReference> FileReferences(std::string_view mjcf);
+
+// Compiles a file of the machine, whatever it refers to.
+//   EngineError  it does not compile; the message has the path and the engine's reason.
+ModelPtr CompileFile(const std::string& path);
 
 // A copy of a model of one's own (tasks write to it). The first call for a name
 // compiles `mjcf`, later ones copy. Safe to call from several threads.

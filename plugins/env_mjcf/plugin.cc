@@ -1,0 +1,104 @@
+// plugin.cc - the component `mjcf`: the user's own MuJoCo model as a task.
+#include "dreamsearch/plugin.h"
+
+#include <array>
+#include <exception>
+#include <iterator>
+#include <memory>
+
+#include "plugins/env_mjcf/model_task.h"
+#include "plugins/mujoco/variation.h"
+
+namespace dreamsearch::mjcf {
+namespace {
+
+constexpr ParameterSpec kTaskParameters[] = {
+    TextParameter("task", "", "What the task is called, as in mjcf:NAME."),
+    PathParameter("model", "",
+                  "The model, an MJCF or URDF file. It may include files and name assets in its "
+                  "own folder and below."),
+    TextParameter("actuators", "",
+                  "The actuators that actions drive, by name, separated by commas; \"\" for all. "
+                  "Others keep the keyframe's control, or 0."),
+    TextParameter("observation", "",
+                  "What is observed: expressions separated by commas, such as position(hip), "
+                  "sensor(gyro), body(torso).z; \"\" for positions, velocities, sensors."),
+    TextParameter("reward", "",
+                  "The reward of a control step: an expression, such as tolerance(body(torso).z, "
+                  "lower=1.2, margin=0.6) * tolerance(control(knee), margin=1)."),
+    TextParameter("terminate", "",
+                  "Conditions separated by commas, such as body(torso).z < 0.8; where one holds, "
+                  "the episode ends in a terminal state."),
+    TextParameter("keyframe", "",
+                  "The model's keyframe that episodes begin in; \"\" for its reference pose."),
+    BoolParameter("randomise_joints", false,
+                  "Begin with every limited joint uniformly within its range and every unlimited "
+                  "hinge at any angle."),
+    RealParameter("position_noise", 0, 0, 100, "rad, m",
+                  "Standard deviation of normal noise on every joint's first position; limits are "
+                  "kept."),
+    RealParameter("velocity_noise", 0, 0, 1000, "rad/s, m/s",
+                  "Standard deviation of normal noise on every joint's first velocity."),
+    RealParameter("control_step", 0, 0, 10, "s",
+                  "Simulated time of a control step, a multiple of the model's time step; 0: that "
+                  "time step."),
+    IntParameter("episode_steps", 1000, 1, 1000000, "control steps", "Time limit of an episode."),
+    RealParameter("action_low", 0, -1e6, 1e6, "",
+                  "Least control of actuators that the model does not bound; used if it is below "
+                  "action_high."),
+    RealParameter("action_high", 0, -1e6, 1e6, "", "The largest control of such actuators."),
+};
+
+constexpr auto Joined() {
+  std::array<ParameterSpec, std::size(kTaskParameters) + std::size(mujoco::kVariationParameters)>
+      all{};
+  std::size_t count = 0;
+  for (const ParameterSpec& spec : kTaskParameters) all[count++] = spec;
+  for (const ParameterSpec& spec : mujoco::kVariationParameters) all[count++] = spec;
+  return all;
+}
+constexpr auto kParameters = Joined();
+
+Status Make(const EnvironmentContext& context, Environment** result) noexcept {
+  *result = nullptr;
+  const Parameters& parameters = context.parameters;
+  try {
+    ModelTaskSettings settings;
+    settings.name = parameters.GetText("task");
+    settings.name = settings.name.empty() ? "mjcf" : "mjcf:" + settings.name;
+    settings.model = parameters.GetPath("model");
+    settings.actuators = parameters.GetText("actuators");
+    settings.observation = parameters.GetText("observation");
+    settings.reward = parameters.GetText("reward");
+    settings.terminate = parameters.GetText("terminate");
+    settings.keyframe = parameters.GetText("keyframe");
+    settings.randomise_joints = parameters.GetBool("randomise_joints");
+    settings.position_noise = parameters.GetReal("position_noise");
+    settings.velocity_noise = parameters.GetReal("velocity_noise");
+    settings.control_step = parameters.GetReal("control_step");
+    settings.episode_steps = static_cast<std::uint32_t>(parameters.GetInt("episode_steps"));
+    settings.action_low = parameters.GetReal("action_low");
+    settings.action_high = parameters.GetReal("action_high");
+    auto task = std::make_unique<ModelTask>(settings);
+    task->Vary(mujoco::Variation::From(parameters, context.action_repeat));
+    *result = task.release();
+    return OkStatus();
+  } catch (const std::exception& error) {
+    return Error(StatusCode::kInvalidArgument, "%s", error.what());
+  }
+}
+
+constexpr ComponentDescriptor kComponents[] = {
+    {.kind = ComponentKind::kEnvironment,
+     .name = "mjcf",
+     .version = "1.0.0",
+     .summary = "your own MuJoCo model as a task, by parameters alone",
+     .parameters = {kParameters.data(), kParameters.size()},
+     .task_parameter = "task",
+     .create_environment = Make},
+};
+
+}  // namespace
+}  // namespace dreamsearch::mjcf
+
+DREAMSEARCH_PLUGIN("env_mjcf", "1.0.0", dreamsearch::mjcf::kComponents)
