@@ -197,7 +197,7 @@ Status Learner<T>::CheckFinite(const UpdateLosses& losses, std::uint64_t update)
   };
   for (const auto& item : found) {
     if (std::isfinite(item.value)) continue;
-    return Error(StatusCode::kNotFinite, "finite losses expected at update %llu; the %s is %g",
+    return Error(StatusCode::kNotFinite, "update %llu: the %s is %g, expected a finite number",
                  static_cast<unsigned long long>(update), item.name, item.value);
   }
   return OkStatus();

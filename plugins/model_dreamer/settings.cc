@@ -56,7 +56,7 @@ constexpr ParameterSpec kParameters[] = {
                   "Factor of the divergence's gradient into the posterior. [v3: 0.1; paper: 1]")
         .Preset("paper", 1),
     RealParameter("free_nats", 1, 0, 100, "nats",
-                  "Divergence that costs nothing. [v3: 1; dreamer: 3]")
+                  "Divergence up to which the loss is constant. [v3: 1; dreamer: 3]")
         .Preset("paper", 3),
     ChoiceParameter("free_nats_over", "step", "batch,step",
                     "Whether the free nats are granted to the mean over the batch [dreamer] or to "
@@ -65,8 +65,8 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("min_std", 0.1, 1e-4, 1, "",
                   "Least standard deviation of prior and posterior. [dreamer]"),
     BoolParameter("continuation", true,
-                  "Learn the chance to go on, whose mean replaces the discount, where the task has "
-                  "terminal states; the others never need it. [dreamer; paper: never]")
+                  "Where the task has terminal states, learn the chance that an episode continues; "
+                  "its mean replaces the discount. [dreamer; paper: never]")
         .Preset("paper", false),
     RealParameter("continuation_scale", 10, 0, 1e3, "",
                   "Factor of the continuation loss. [dreamer]"),
@@ -107,7 +107,7 @@ constexpr ParameterSpec kParameters[] = {
                     "95 percent range where that is above 1. [v3]")
         .Preset("paper", "none"),
     RealParameter("return_scale_rate", 0.01, 1e-4, 1, "",
-                  "Rate of that moving average, per update. [v3]"),
+                  "Rate of return_scale's moving average, per update. [v3]"),
     RealParameter("value_scale", 100, 0.01, 1e4, "",
                   "The value is this times the network's output, which is fitted in its own units. "
                   "[ours: 1 / (1 - gamma); paper: 1]")
@@ -136,11 +136,12 @@ constexpr ParameterSpec kParameters[] = {
                     "Factors of the training's matrix products: float, or rounded to bfloat16 "
                     "where the processor multiplies it (AMX), with float weights and sums. [ours]")
         .Preset("paper", "float"),
-    ChoiceParameter("planning_precision", "float", "float,bfloat16",
-                    "The same for what planners ask: transitions, rewards, values, proposals. "
-                    "bfloat16 is faster, but its error of half a percent can be larger than the "
-                    "differences that a search decides by. The posterior is always in float. "
-                    "[ours]"),
+    ChoiceParameter(
+        "planning_precision", "float", "float,bfloat16",
+        "Factors of the matrix products of what planners ask: transitions, rewards, values, "
+        "proposals. bfloat16 is faster, but its error of half a percent can be larger than the "
+        "differences that a search decides by. The posterior is always in float. "
+        "[ours]"),
     ChoiceParameter("acting_latent", "sample", "sample,mean",
                     "What Observe returns of the posterior. [dreamer: sample]"),
     ChoiceParameter("imagined_latent", "mean", "sample,mean",

@@ -33,7 +33,7 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   if (!status.ok()) return status;
   if (batch.length < 2) {
     return Error(StatusCode::kInvalidArgument,
-                 "sequences of at least 2 decisions expected (run.sequence_length), 1 found");
+                 "expected sequences of at least 2 decisions (run.sequence_length), found 1");
   }
   step_.agent = &agent_;
   step_.batch = batch;
@@ -126,7 +126,7 @@ template <typename T>
 Status Learner<T>::CheckFinite(const UpdateLosses& losses, std::uint64_t update) const {
   for (std::size_t k = 0; k < kLosses; ++k) {
     if (std::isfinite(losses[k])) continue;
-    return Error(StatusCode::kNotFinite, "finite losses expected at update %llu; %s is %g",
+    return Error(StatusCode::kNotFinite, "update %llu: %s is %g, expected a finite number",
                  static_cast<unsigned long long>(update), kMetrics[k].name, losses[k]);
   }
   return OkStatus();

@@ -9,7 +9,7 @@ namespace {
 // [ours] chosen here, see README.md.
 constexpr ParameterSpec kParameters[] = {
     IntParameter("simplices", 16, 1, 512, "",
-                 "The latent is so many softmaxes of 8 numbers each. [ours; paper: 64]")
+                 "Softmaxes in the latent, of 8 numbers each. [ours; paper: 64]")
         .Preset("paper", 64),
     IntParameter("encoder_width", 128, 1, 4096, "units",
                  "Width of the encoder's hidden layers. [ours; paper: 256]")
@@ -27,9 +27,10 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", 5),
     IntParameter("bins", 101, 2, 1001, "",
                  "Bins of the distributions that give rewards and values. [paper]"),
-    RealParameter("bin_range", 10, 0.1, 100, "",
-                  "They lie linearly in symlog space from minus to plus this; numbers are limited "
-                  "to the range. [paper]"),
+    RealParameter(
+        "bin_range", 10, 0.1, 100, "",
+        "The bins lie evenly in symlog space from minus to plus this; targets are clipped "
+        "to the range. [paper]"),
 
     BoolParameter("normalise_observations", true,
                   "Encode observations standardised by the running mean and variance of the "
@@ -40,7 +41,7 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("observation_clip", 10, 1, 1e6, "deviations",
                   "Standardised observations are clipped to plus and minus this. [ours]"),
     RealParameter("rho", 0.5, 0, 1, "",
-                  "A loss counts this factor less with every step into the sequence. [paper]"),
+                  "Weight of a step's losses relative to those of the step before it. [paper]"),
     RealParameter("consistency_weight", 20, 0, 1e4, "",
                   "Factor of the squared distance of imagined from encoded latents. [paper]"),
     RealParameter("reward_weight", 0.1, 0, 1e4, "", "Factor of the reward loss. [paper]"),
@@ -49,7 +50,7 @@ constexpr ParameterSpec kParameters[] = {
                   "Factor of the continuation loss, from the first batch on in which an episode "
                   "ends early. [paper]"),
     RealParameter("discount", 0.99, 0, 1, "",
-                  "gamma, for one decision. [paper: 0.99 for episodes of 500 decisions]"),
+                  "Discount gamma of one decision. [paper: 0.99 for episodes of 500 decisions]"),
     ChoiceParameter("target", "two", "two,all",
                     "The critics whose least value is the target: two drawn for each update "
                     "[paper], or all of them."),
@@ -68,7 +69,7 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("learning_rate", 3e-4, 0, 1, "",
                   "Adam's rate of dynamics, reward, continuation and critics. [paper]"),
     RealParameter("encoder_rate_factor", 0.3, 0, 10, "",
-                  "The encoder's rate, in units of that. [paper]"),
+                  "The encoder's rate, as a factor of learning_rate. [paper]"),
     RealParameter("actor_learning_rate", 3e-4, 0, 1, "", "Adam's rate of the actor. [paper]"),
     RealParameter("adam_epsilon", 1e-8, 1e-20, 1, "", "Adam's epsilon. [paper]"),
     RealParameter("actor_adam_epsilon", 1e-5, 1e-20, 1, "", "The same for the actor. [paper]"),
@@ -78,9 +79,10 @@ constexpr ParameterSpec kParameters[] = {
     ChoiceParameter("precision", "float", "float,bfloat16",
                     "Factors of the training's matrix products: float, or rounded to bfloat16 "
                     "where the processor multiplies it (AMX), with float weights and sums. [ours]"),
-    ChoiceParameter("planning_precision", "float", "float,bfloat16",
-                    "The same for what planners ask: transitions, rewards, values, proposals. "
-                    "[ours]"),
+    ChoiceParameter(
+        "planning_precision", "float", "float,bfloat16",
+        "Factors of the matrix products of what planners ask: transitions, rewards, values, "
+        "proposals. [ours]"),
 };
 
 }  // namespace

@@ -20,7 +20,7 @@ bool Finite(Mat<const float> m) {
 
 Status WrongSize(const char* call, const char* what, std::uint64_t expected_rows,
                  std::uint64_t expected_cols, std::uint64_t rows, std::uint64_t cols) {
-  return Error(StatusCode::kInvalidArgument, "%s: %s of %llu x %llu expected, %llu x %llu found",
+  return Error(StatusCode::kInvalidArgument, "%s: expected %s of %llu x %llu, found %llu x %llu",
                call, what, static_cast<unsigned long long>(expected_rows),
                static_cast<unsigned long long>(expected_cols),
                static_cast<unsigned long long>(rows), static_cast<unsigned long long>(cols));
@@ -65,7 +65,7 @@ Status Guarded(const char* name, Status (*call)(void* context), void* context) n
 Status CheckTask(const char* model, const ModelContext& context) {
   if (context.observation_size > 0 && context.action_size > 0) return OkStatus();
   return Error(StatusCode::kInvalidArgument,
-               "%s: at least one observation and one action expected, %llu and %llu found", model,
+               "%s: expected at least one observation and one action, found %llu and %llu", model,
                static_cast<unsigned long long>(context.observation_size),
                static_cast<unsigned long long>(context.action_size));
 }
@@ -97,7 +97,7 @@ Status FloatModel::CheckActions(const char* call, MatrixView<const double> actio
 
 Status FloatModel::WriteLatents(const char* call, Mat<const float> states, Latents latents) const {
   if (!Finite(states)) {
-    return Error(StatusCode::kNotFinite, "%s: finite latents expected, NaN or infinity found",
+    return Error(StatusCode::kNotFinite, "%s: expected finite latents, found NaN or infinity",
                  call);
   }
   const std::size_t used = static_cast<std::size_t>(states.rows) * sizeof(float);

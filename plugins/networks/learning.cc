@@ -29,8 +29,8 @@ Status CheckSequences(const SequenceBatch& batch, Index observations, Index acti
       batch.actions.rows != rows || batch.actions.cols != a || batch.rewards.size != rows ||
       batch.discounts.size != rows || batch.is_first.size != rows) {
     return Error(StatusCode::kInvalidArgument,
-                 "a batch of %llu sequences of %llu steps with %llu observations and %llu actions "
-                 "expected; found views of %llu x %llu, %llu x %llu, %llu, %llu and %llu",
+                 "expected a batch of %llu sequences of %llu steps with %llu observations and %llu "
+                 "actions, found views of %llu x %llu, %llu x %llu, %llu, %llu and %llu",
                  static_cast<unsigned long long>(batch.sequences),
                  static_cast<unsigned long long>(batch.length), static_cast<unsigned long long>(o),
                  static_cast<unsigned long long>(a),
@@ -168,7 +168,7 @@ Status SavedHeader<T>::Read(const char* model, ByteSource* source) const {
   names.emplace_back("architecture");
   for (std::size_t i = 0; i < expected.size(); ++i) {
     if (found[i] == expected[i]) continue;
-    return Error(StatusCode::kDataLoss, "saved %s: %s %llu expected, %llu found", model,
+    return Error(StatusCode::kDataLoss, "saved %s: expected %s %llu, found %llu", model,
                  names[i].c_str(), static_cast<unsigned long long>(expected[i]),
                  static_cast<unsigned long long>(found[i]));
   }

@@ -43,10 +43,10 @@ struct ImagineRequest {
 struct ImagineResult {
   Latents latents;         // [B, latent_bytes]: s' (must not overlap the request's)
   View<double> rewards;    // [B]: r(s')
-  View<double> discounts;  // [B]: gamma, times the chance to go on where that is modelled
+  View<double> discounts;  // [B]: gamma, times the modelled chance to continue
 };
 
-// What is thought of a batch of latents. A model that estimates values with an ensemble
+// The estimated values of a batch of latents. A model that estimates values with an ensemble
 // reports how far its members are apart; one without reports a deviation of 0 and the
 // value itself as the least.
 struct ValueResult {
