@@ -9,7 +9,7 @@
 #include "host/plugins/catalogue.h"
 #include "host/processes/worker.h"
 #include "host/sweeps/probe.h"
-#include "host/training/provenance.h"
+#include "host/training/build_and_host.h"
 #include "results/command_line/program.h"
 #include "results/system/error.h"
 #include "results/text/shell.h"

@@ -35,7 +35,7 @@ std::byte* Agent::Latent(std::size_t index) {
   return aligned + index * latent_bytes_;
 }
 
-void Agent::BeginEpisode(Phase phase, std::uint64_t episode) {
+void Agent::BeginEpisode(EpisodePurpose phase, std::uint64_t episode) {
   phase_ = phase;
   episode_ = episode;
   decision_ = 0;
@@ -118,7 +118,7 @@ void Agent::Save(StateWriter* writer) const {
 }
 
 void Agent::Load(StateReader* reader) {
-  Phase phase{};
+  EpisodePurpose phase{};
   std::uint64_t episode = 0, transitions = 0;
   (*reader)("agent_phase", &phase);
   (*reader)("agent_episode", &episode);

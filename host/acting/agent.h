@@ -52,7 +52,7 @@ class Agent {
   };
   explicit Agent(const Parts& parts);
 
-  void BeginEpisode(Phase phase, std::uint64_t episode);
+  void BeginEpisode(EpisodePurpose phase, std::uint64_t episode);
 
   // Updates the belief with what the last action led to, and chooses the next.
   // observation: [O]; environment_step: steps the run has made.
@@ -82,7 +82,7 @@ class Agent {
   std::vector<std::byte> environment_state_;
   std::vector<double> action_;
   std::vector<double> metrics_;
-  Phase phase_ = Phase::kTraining;
+  EpisodePurpose phase_ = EpisodePurpose::kTraining;
   std::uint64_t episode_ = 0;
   std::uint64_t decision_ = 0;
 };

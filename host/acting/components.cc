@@ -16,7 +16,7 @@ const ComponentDescriptor& Load(const ResolvedComponent& component, ComponentKin
 // A factory's result, or Failure. The settings were in their ranges, so what
 // a factory refuses is a combination: the user's to change.
 template <typename T>
-T* Made(const Status& status, T* object, const char* kind, const std::string& name) {
+T* FactoryResult(const Status& status, T* object, const char* kind, const std::string& name) {
   const std::string what = std::string(kind) + " '" + name + "'";
   if (!status.ok()) {
     throw Failure(
@@ -29,11 +29,11 @@ T* Made(const Status& status, T* object, const char* kind, const std::string& na
   return object;
 }
 
-// What a plugin says about a component of its own, held against what the interface
+// The values that a plugin declares of a component, held against what the interface
 // demands: others divide by it and index with it.
-class Claims {
+class DeclaredValues {
  public:
-  Claims(const char* kind, const ResolvedComponent& component)
+  DeclaredValues(const char* kind, const ResolvedComponent& component)
       : kind_(kind), component_(component) {}
 
   template <typename Value>
@@ -54,40 +54,41 @@ class Claims {
 };
 
 void CheckEnvironment(const EnvironmentSpec& spec, const ResolvedComponent& component) {
-  const Claims claims("environment", component);
-  claims.Check(spec.observation_size > 0, "observation_size", spec.observation_size, "at least 1");
-  claims.Check(spec.action_size > 0, "action_size", spec.action_size, "at least 1");
+  const DeclaredValues declared("environment", component);
+  declared.Check(spec.observation_size > 0, "observation_size", spec.observation_size,
+                 "at least 1");
+  declared.Check(spec.action_size > 0, "action_size", spec.action_size, "at least 1");
   for (const auto& [field, bounds] :
        {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {
-    claims.Check(bounds.size == spec.action_size && bounds.data != nullptr,
-                 std::string(field) + ".size", bounds.size,
-                 "action_size = " + std::to_string(spec.action_size) + " numbers");
+    declared.Check(bounds.size == spec.action_size && bounds.data != nullptr,
+                   std::string(field) + ".size", bounds.size,
+                   "action_size = " + std::to_string(spec.action_size) + " numbers");
   }
   for (std::uint64_t i = 0; i < spec.action_size; ++i) {
     const std::string index = "[" + std::to_string(i) + "]";
-    claims.Check(std::isfinite(spec.action_low[i]), "action_low" + index, spec.action_low[i],
-                 "a finite number");
-    claims.Check(std::isfinite(spec.action_high[i]) && spec.action_high[i] > spec.action_low[i],
-                 "action_high" + index, spec.action_high[i],
-                 "a finite number above action_low" + index);
+    declared.Check(std::isfinite(spec.action_low[i]), "action_low" + index, spec.action_low[i],
+                   "a finite number");
+    declared.Check(std::isfinite(spec.action_high[i]) && spec.action_high[i] > spec.action_low[i],
+                   "action_high" + index, spec.action_high[i],
+                   "a finite number above action_low" + index);
   }
-  claims.Check(std::isfinite(spec.control_seconds) && spec.control_seconds > 0, "control_seconds",
-               spec.control_seconds, "more than 0");
-  claims.Check(spec.substeps > 0, "substeps", spec.substeps, "at least 1");
-  claims.Check(spec.episode_steps > 0, "episode_steps", spec.episode_steps, "at least 1");
-  claims.Check(std::isfinite(spec.return_low), "return_low", spec.return_low, "a finite number");
-  claims.Check(std::isfinite(spec.return_high) && spec.return_high >= spec.return_low,
-               "return_high", spec.return_high, "a finite number, not below return_low");
+  declared.Check(std::isfinite(spec.control_seconds) && spec.control_seconds > 0, "control_seconds",
+                 spec.control_seconds, "more than 0");
+  declared.Check(spec.substeps > 0, "substeps", spec.substeps, "at least 1");
+  declared.Check(spec.episode_steps > 0, "episode_steps", spec.episode_steps, "at least 1");
+  declared.Check(std::isfinite(spec.return_low), "return_low", spec.return_low, "a finite number");
+  declared.Check(std::isfinite(spec.return_high) && spec.return_high >= spec.return_low,
+                 "return_high", spec.return_high, "a finite number, not below return_low");
 }
 
 void CheckModel(const Model& model, const EnvironmentSpec& environment,
                 const ResolvedComponent& component) {
-  const Claims claims("model", component);
+  const DeclaredValues declared("model", component);
   const std::uint64_t bytes = model.latent_bytes();
-  claims.Check(bytes > 0 && bytes % kLatentAlignment == 0, "latent_bytes", bytes,
-               "a multiple of " + std::to_string(kLatentAlignment) + " above 0");
-  claims.Check(model.action_size() == environment.action_size, "action_size", model.action_size(),
-               "the environment's, " + std::to_string(environment.action_size));
+  declared.Check(bytes > 0 && bytes % kLatentAlignment == 0, "latent_bytes", bytes,
+                 "a multiple of " + std::to_string(kLatentAlignment) + " above 0");
+  declared.Check(model.action_size() == environment.action_size, "action_size", model.action_size(),
+                 "the environment's, " + std::to_string(environment.action_size));
 }
 
 }  // namespace
@@ -141,7 +142,7 @@ EnvironmentPtr Components::MakeEnvironment() const {
   context.parameters = parameters.view();
   Environment* environment = nullptr;
   const Status status = environment_->create_environment(context, &environment);
-  EnvironmentPtr made(Made(status, environment, "environment", spec_.environment.name()));
+  EnvironmentPtr made(FactoryResult(status, environment, "environment", spec_.environment.name()));
   CheckEnvironment(made->spec(), spec_.environment);
   return made;
 }
@@ -159,12 +160,12 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.episode_decisions =
       (environment.episode_steps + spec_.action_repeat() - 1) / spec_.action_repeat();
   context.terminates = environment.terminates;
-  context.seed = SeedFor(spec_.seed, SeedUse::kParameters, Phase::kTraining, 0, 0);
+  context.seed = SeedFor(spec_.seed, SeedUse::kParameters, EpisodePurpose::kTraining, 0, 0);
   context.environment = own_environment;
   context.behaviour = behaviour;
   Model* model = nullptr;
   const Status status = descriptor.create_model(context, &model);
-  ModelPtr made(Made(status, model, "model", component.name()));
+  ModelPtr made(FactoryResult(status, model, "model", component.name()));
   CheckModel(*made, environment, component);
   made->SetThreads(threads);
   return made;
@@ -192,7 +193,7 @@ PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,
   context.latent_bytes = model.latent_bytes();
   Planner* made = nullptr;
   const Status status = descriptor.create_planner(context, &made);
-  return PlannerPtr(Made(status, made, "planner", planner.name()));
+  return PlannerPtr(FactoryResult(status, made, "planner", planner.name()));
 }
 
 PlannerPtr Components::MakePlanner(const LatentModel& model) const {

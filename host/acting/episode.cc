@@ -122,12 +122,12 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
   Agent* agent = agents_[seat].get();
   const std::string& name = parts_.environment_name;
   const auto seed = static_cast<std::uint32_t>(
-      SeedFor(parts_.run_seed, SeedUse::kEnvironment, Phase::kEvaluation, index, 0));
+      SeedFor(parts_.run_seed, SeedUse::kEnvironment, EpisodePurpose::kEvaluation, index, 0));
   std::vector<double> observation(environment->spec().observation_size);
   const View<double> view{observation.data(), observation.size()};
   ThrowUnlessOk(environment->Reset(seed, view), "environment '" + name + "' Reset");
   if (course.arrived) course.arrived(index, 0, environment, nullptr);
-  agent->BeginEpisode(Phase::kEvaluation, index);
+  agent->BeginEpisode(EpisodePurpose::kEvaluation, index);
   const double begin = agent->Now();
   const std::uint64_t transitions_before = agent->transitions();
   std::vector<double> plan_us;

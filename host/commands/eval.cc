@@ -122,7 +122,7 @@ int Eval::Run(const Words& words) {
   std::size_t finished = 0;
   const int failed_before = SaySkipped(database.get(), planned);
   for (const PlannedRun& run : planned) {
-    if (run.action == Action::kSkipFinished) ++finished;
+    if (run.action == SweepAction::kSkipFinished) ++finished;
   }
   std::vector<std::string> argv = {"runner", "eval"};
   argv.insert(argv.end(), words.begin(), words.end());

@@ -13,7 +13,7 @@
 #include "host/commands/page/embedded.h"
 #include "host/commands/progress.h"
 #include "host/films/filmed_episode.h"
-#include "host/sweeps/question.h"
+#include "host/sweeps/child_request.h"
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
 #include "host/training/evaluation.h"
@@ -219,14 +219,14 @@ int Explain::Run() {
     tree = KeptTree(database->RunFolder(subject.info), name, static_cast<std::uint64_t>(episode),
                     static_cast<std::uint64_t>(decision));
   } else {
-    Question question;
-    question.command = "explain-decision";
-    question.who = name;
-    question.show_messages = true;
-    tree = Ask(question, {{"spec", ToJson(spec)},
-                          {"agent", subject.agent.string()},
-                          {"episode", episode},
-                          {"decision", decision}});
+    ChildRequest request;
+    request.command = "explain-decision";
+    request.who = name;
+    request.show_messages = true;
+    tree = AskChild(request, {{"spec", ToJson(spec)},
+                              {"agent", subject.agent.string()},
+                              {"episode", episode},
+                              {"decision", decision}});
     tree["env_step"] = spec.evaluation->env_step;
   }
   // For the page; what programs read has numbers alone.
@@ -258,19 +258,19 @@ int Explain::Run() {
 Command ExplainCommand() { return MakeCommand<Explain>(); }
 
 int ExplainDecisionMain() {
-  return AnswerMain([](const nlohmann::json& question) {
-    const RunSpec spec = RunSpecFromJson(question.at("spec"));
-    const auto wanted = question.at("decision").get<std::uint64_t>();
+  return AnswerMain([](const nlohmann::json& request) {
+    const RunSpec spec = RunSpecFromJson(request.at("spec"));
+    const auto wanted = request.at("decision").get<std::uint64_t>();
     const Components components(spec);
     EvaluationPlayer player(components, spec,
-                            OpenAgent(spec, question.at("agent").get<std::string>()), 1, 1);
+                            OpenAgent(spec, request.at("agent").get<std::string>()), 1, 1);
     TreeCollector tree;
     Decision decided;
     std::vector<double> action, metrics;
     std::uint64_t played = 0;
     const double begin = ActivityClock::Now();
     double shown = begin;
-    std::optional<std::uint64_t> next = question.at("episode").get<std::uint64_t>();
+    std::optional<std::uint64_t> next = request.at("episode").get<std::uint64_t>();
     EpisodeFaults faults;
     EpisodeCourse course;
     course.next = [&] { return std::exchange(next, std::nullopt); };

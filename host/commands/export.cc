@@ -9,7 +9,7 @@
 #include "host/commands/progress.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
-#include "host/sweeps/question.h"
+#include "host/sweeps/child_request.h"
 #include "host/sweeps/trained_run.h"
 #include "results/system/error.h"
 #include "results/text/table.h"
@@ -72,13 +72,13 @@ int Export::Run() {
       {"config_sha256", trained.info.config_sha256},
       {"config", trained.info.config_json},
       {"dreamsearch", DREAMSEARCH_VERSION}};
-  Question question;
-  question.command = "export-model";
-  question.who = RunName(trained);
-  const nlohmann::json answer = Ask(question, {{"spec", ToJson(spec)},
-                                               {"checkpoint", trained.checkpoint.string()},
-                                               {"out", out},
-                                               {"metadata", metadata}});
+  ChildRequest request;
+  request.command = "export-model";
+  request.who = RunName(trained);
+  const nlohmann::json answer = AskChild(request, {{"spec", ToJson(spec)},
+                                                   {"checkpoint", trained.checkpoint.string()},
+                                                   {"out", out},
+                                                   {"metadata", metadata}});
   results::Table table = {{"tensor", "shape"}, {}};
   std::uint64_t numbers = 0;
   for (const nlohmann::json& tensor : answer.at("tensors")) {
@@ -98,14 +98,14 @@ int Export::Run() {
 Command ExportCommand() { return MakeCommand<Export>(); }
 
 int ExportModelMain() {
-  return AnswerMain([](const nlohmann::json& question) {
-    const RunSpec spec = RunSpecFromJson(question.at("spec"));
+  return AnswerMain([](const nlohmann::json& request) {
+    const RunSpec spec = RunSpecFromJson(request.at("spec"));
     const Components components(spec);
     const EnvironmentPtr environment = components.MakeEnvironment();
     const EnvironmentPtr own_environment =
         spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
     const ModelPtr model = components.MakeModel(environment->spec(), 1, own_environment.get());
-    LoadModel(Checkpoint(question.at("checkpoint").get<std::string>()), spec.model.name(),
+    LoadModel(Checkpoint(request.at("checkpoint").get<std::string>()), spec.model.name(),
               model.get());
     TensorCollector collector;
     ThrowUnlessOk(model->Export(&collector), "model '" + spec.model.name() + "' Export");
@@ -115,8 +115,8 @@ int ExportModelMain() {
                                              "tensor");
     }
     nlohmann::json answer;
-    answer["bytes"] = WriteSafetensors(question.at("out").get<std::string>(), collector.tensors(),
-                                       question.at("metadata"));
+    answer["bytes"] = WriteSafetensors(request.at("out").get<std::string>(), collector.tensors(),
+                                       request.at("metadata"));
     for (const NamedTensor& tensor : collector.tensors()) {
       answer["tensors"].push_back(
           {{"name", tensor.name}, {"shape", tensor.shape}, {"size", tensor.values.size()}});

@@ -23,21 +23,21 @@
 namespace dreamsearch {
 namespace {
 
-const char* ActionText(Action action) {
+const char* SweepActionText(SweepAction action) {
   switch (action) {
-    case Action::kStart:
+    case SweepAction::kStart:
       return "start";
-    case Action::kResume:
+    case SweepAction::kResume:
       return "resume";
-    case Action::kStartOver:
+    case SweepAction::kStartOver:
       return "start over";
-    case Action::kSkipFinished:
+    case SweepAction::kSkipFinished:
       return "skip, finished";
-    case Action::kSkipFailed:
+    case SweepAction::kSkipFailed:
       return "skip, failed";
-    case Action::kSkipActive:
+    case SweepAction::kSkipActive:
       return "skip, active";
-    case Action::kRefused:
+    case SweepAction::kRefused:
       return "refuse";
   }
   return "";
@@ -121,7 +121,7 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
   std::size_t work = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     const PlannedRun& run = runs[i];
-    std::cout << "  " << RunLabel(run.spec) << ": " << ActionText(run.action);
+    std::cout << "  " << RunLabel(run.spec) << ": " << SweepActionText(run.action);
     if (IsWork(run.action)) {
       const RunEstimate estimate = EstimateRun(run.spec, probes[i]);
       ++work;
@@ -199,12 +199,12 @@ int Train::Run(const Words& words) {
     std::cerr << "warning: " << warning << "\n";
   }
   const std::vector<PlannedRun> planned = PlanSweep(database.get(), options.process, specs);
-  std::map<Action, int> counts;
+  std::map<SweepAction, int> counts;
   const int failed_before = SaySkipped(database.get(), planned);
   for (const PlannedRun& run : planned) ++counts[run.action];
   std::cerr << Counted(planned.size(), "run") << ":";
   for (const auto& [action, count] : counts) {
-    std::cerr << " " << count << " to " << ActionText(action)
+    std::cerr << " " << count << " to " << SweepActionText(action)
               << (action == counts.rbegin()->first ? "" : ",");
   }
   std::cerr << "; database " << database->path() << std::endl;
@@ -226,7 +226,7 @@ int Train::Run(const Words& words) {
     std::cerr << std::endl;
   }
   if (failed_before != 0) {
-    std::cerr << Counted(static_cast<std::uint64_t>(counts[Action::kSkipFailed]), "run")
+    std::cerr << Counted(static_cast<std::uint64_t>(counts[SweepAction::kSkipFailed]), "run")
               << " failed before; repeat the command with --retry to try again" << std::endl;
   }
   const std::string db = ShellWord(options.process.db.string());

@@ -7,7 +7,7 @@
 #include "host/processes/supervisor.h"
 #include "host/sweeps/probe.h"
 #include "host/sweeps/sweep.h"
-#include "host/training/provenance.h"
+#include "host/training/build_and_host.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 #include "results/system/temporary_folder.h"

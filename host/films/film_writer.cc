@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "host/processes/child_process.h"
-#include "results/system/descriptor.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/text.h"
 
 extern char** environ;
@@ -94,8 +94,8 @@ class Video final : public FilmWriter {
       throw Failure(ExitCode::kInputOutput,
                     std::string("cannot make a pipe: ") + std::strerror(errno));
     }
-    const Descriptor read(ends[0]);
-    pipe_ = Descriptor(ends[1]);
+    const FileDescriptor read(ends[0]);
+    pipe_ = FileDescriptor(ends[1]);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, read.get(), 0);
@@ -133,7 +133,7 @@ class Video final : public FilmWriter {
   const std::string path_;
   const double frames_per_second_;
   std::string temporary_;
-  Descriptor pipe_, messages_;
+  FileDescriptor pipe_, messages_;
   pid_t pid_ = -1;
 };
 

@@ -44,12 +44,12 @@ std::string LineOf(const Frame& frame, double frames_per_second) {
 // instead, a line with "end" or "error".
 class FrameSender {
  public:
-  FrameSender(const nlohmann::json& question, const RunSpec& spec)
+  FrameSender(const nlohmann::json& request, const RunSpec& spec)
       : spec_(spec),
-        width_(question.at("width").get<std::uint32_t>()),
-        height_(question.at("height").get<std::uint32_t>()),
-        camera_(question.at("camera").get<std::uint32_t>()),
-        most_(question.at("most_frames_per_second").get<double>()) {}
+        width_(request.at("width").get<std::uint32_t>()),
+        height_(request.at("height").get<std::uint32_t>()),
+        camera_(request.at("camera").get<std::uint32_t>()),
+        most_(request.at("most_frames_per_second").get<double>()) {}
 
   // The state after `decision` decisions; `held` led there, null at the start.
   void Arrive(std::uint64_t decision, Environment* environment, const HeldAction* held) {
@@ -91,13 +91,13 @@ class FrameSender {
   Frame frame_;
 };
 
-void FilmEpisode(const nlohmann::json& question) {
-  const RunSpec spec = RunSpecFromJson(question.at("spec"));
+void FilmEpisode(const nlohmann::json& request) {
+  const RunSpec spec = RunSpecFromJson(request.at("spec"));
   const Components components(spec);
-  const auto agent = question.at("agent").get<std::string>();
+  const auto agent = request.at("agent").get<std::string>();
   EvaluationPlayer player(components, spec, OpenAgent(spec, agent), 1, 1);
-  FrameSender sender(question, spec);
-  std::optional<std::uint64_t> next = question.at("episode").get<std::uint64_t>();
+  FrameSender sender(request, spec);
+  std::optional<std::uint64_t> next = request.at("episode").get<std::uint64_t>();
   EpisodeFaults faults;
   EpisodeCourse course;
   course.next = [&] { return std::exchange(next, std::nullopt); };
@@ -156,7 +156,7 @@ FilmedEpisode::FilmedEpisode(const RunSpec& spec, const std::filesystem::path& a
                              const FilmRequest& request, const std::string& who)
     : who_(who), request_(request) {
   Pipe pipe = MakePipe();
-  const Descriptor input =
+  const FileDescriptor input =
       MemoryFile(results::JsonText({{"spec", ToJson(spec)},
                                     {"agent", agent.string()},
                                     {"episode", request.episode},

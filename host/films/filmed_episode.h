@@ -15,7 +15,7 @@
 #include "dreamsearch/environment.h"
 #include "host/films/picture.h"
 #include "host/settings/run_spec.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
@@ -54,7 +54,7 @@ class FilmedEpisode {
   const std::string who_;
   const FilmRequest request_;
   pid_t pid_ = -1;
-  Descriptor frames_;
+  FileDescriptor frames_;
   std::string buffer_;
   std::size_t read_ = 0;  // bytes of buffer_ that were handed out
   double frames_per_second_ = 0;

@@ -17,7 +17,7 @@
 #include <utility>
 
 #include "host/plugins/plugin_loader.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
@@ -39,17 +39,17 @@ constexpr std::string_view kDoneToken = "\ndone\n";
 }
 
 struct Pipe {
-  Descriptor read;
-  Descriptor write;
+  FileDescriptor read;
+  FileDescriptor write;
 };
 
 Pipe MakePipe() {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) ThrowSystem("cannot make a pipe", errno);
-  Pipe low{Descriptor(ends[0]), Descriptor(ends[1])};
+  Pipe low{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
   // Above the numbers the child's own descriptors are put on.
-  Pipe high{Descriptor(::fcntl(ends[0], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1)),
-            Descriptor(::fcntl(ends[1], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1))};
+  Pipe high{FileDescriptor(::fcntl(ends[0], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1)),
+            FileDescriptor(::fcntl(ends[1], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1))};
   if (high.read.get() < 0 || high.write.get() < 0) ThrowSystem("cannot make a pipe", errno);
   ::fcntl(high.read.get(), F_SETFL, O_NONBLOCK);
   return high;
@@ -96,7 +96,7 @@ pid_t Spawn(const std::string& file, const ScanOptions& options, int description
 
 // Appends what there is to *text and keeps its last `most` bytes. Returns false
 // at the end of the stream.
-bool ReadAvailable(const Descriptor& descriptor, std::size_t most, std::string* text) {
+bool ReadAvailable(const FileDescriptor& descriptor, std::size_t most, std::string* text) {
   char block[65536];
   for (;;) {
     const ssize_t got = ::read(descriptor.get(), block, sizeof block);

@@ -33,13 +33,13 @@ namespace {
 Pipe MakePipe() {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) ThrowErrno("make a pipe", errno);
-  Pipe made{Descriptor(ends[0]), Descriptor(ends[1])};
+  Pipe made{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
   ::fcntl(made.read.get(), F_SETFL, O_NONBLOCK);
   return made;
 }
 
-Descriptor MemoryFile(const std::string& text) {
-  Descriptor file(::memfd_create("dreamsearch", MFD_CLOEXEC));
+FileDescriptor MemoryFile(const std::string& text) {
+  FileDescriptor file(::memfd_create("dreamsearch", MFD_CLOEXEC));
   if (file.get() < 0) ThrowErrno("make a memory file", errno);
   if (!WriteAll(file.get(), text)) ThrowErrno("write a memory file", errno);
   ::lseek(file.get(), 0, SEEK_SET);
@@ -55,13 +55,13 @@ pid_t StartChild(const ChildSpec& spec) {
 
   // Duplicates above 4 first, so that no dup2 overwrites a source.
   const auto lifted = [](int fd) {
-    return Descriptor(fd < 0 ? ::open("/dev/null", O_RDWR | O_CLOEXEC)
-                             : ::fcntl(fd, F_DUPFD_CLOEXEC, 10));
+    return FileDescriptor(fd < 0 ? ::open("/dev/null", O_RDWR | O_CLOEXEC)
+                                 : ::fcntl(fd, F_DUPFD_CLOEXEC, 10));
   };
-  const Descriptor input = lifted(spec.input);
-  const Descriptor log = lifted(spec.log);
-  const Descriptor report = lifted(spec.report);
-  const Descriptor threads = spec.threads < 0 ? Descriptor() : lifted(spec.threads);
+  const FileDescriptor input = lifted(spec.input);
+  const FileDescriptor log = lifted(spec.log);
+  const FileDescriptor report = lifted(spec.report);
+  const FileDescriptor threads = spec.threads < 0 ? FileDescriptor() : lifted(spec.threads);
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);

@@ -10,18 +10,18 @@
 #include <string>
 #include <vector>
 
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
 struct Pipe {
-  Descriptor read;   // non-blocking
-  Descriptor write;  // blocking
+  FileDescriptor read;   // non-blocking
+  FileDescriptor write;  // blocking
 };
 Pipe MakePipe();
 
 // A file that lives in memory only, holding `text`, read from its beginning.
-Descriptor MemoryFile(const std::string& text);
+FileDescriptor MemoryFile(const std::string& text);
 
 // What the child finds at descriptor 3: where it reports to its parent.
 inline constexpr int kReportDescriptor = 3;

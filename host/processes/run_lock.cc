@@ -38,9 +38,9 @@ int TryLock(int file, bool exclusive) {
 
 // Who asks with RunIsLocked holds the file for a moment, so a refusal counts only once it has
 // lasted.
-Descriptor LockRun(const std::filesystem::path& folder) {
+FileDescriptor LockRun(const std::filesystem::path& folder) {
   const std::string path = LockPath(folder).string();
-  Descriptor lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  FileDescriptor lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (lock.get() < 0) {
     const int error = errno;
     throw Failure(error == EACCES || error == EROFS     ? ExitCode::kPermission
@@ -66,7 +66,7 @@ Descriptor LockRun(const std::filesystem::path& folder) {
 }
 
 bool RunIsLocked(const std::filesystem::path& folder) {
-  const Descriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
+  const FileDescriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
   // Shared, so that two who ask at once do not take each other for a worker.
   return lock.get() >= 0 && TryLock(lock.get(), false) == EWOULDBLOCK;
 }

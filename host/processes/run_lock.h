@@ -7,13 +7,13 @@
 
 #include <filesystem>
 
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
 // Holds the run for this process until the descriptor is closed. Failure 74 if another process
 // holds it, or if the file system has neither kind of lock.
-Descriptor LockRun(const std::filesystem::path& folder);
+FileDescriptor LockRun(const std::filesystem::path& folder);
 
 // Whether some process holds the run in `folder`.
 bool RunIsLocked(const std::filesystem::path& folder);

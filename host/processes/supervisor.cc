@@ -21,14 +21,14 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "host/processes/report.h"
 #include "host/processes/run_lock.h"
 #include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
 #include "host/processes/worker_end.h"
+#include "host/processes/worker_report.h"
 #include "host/settings/cores.h"
 #include "host/training/rate_meter.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
@@ -79,7 +79,7 @@ struct ActiveRun {
   std::size_t index = 0;
   pid_t pid = -1;
   std::int64_t after_segment = -1;  // the run's last one when it was started
-  Descriptor reports;
+  FileDescriptor reports;
   std::unique_ptr<ThreadGrant> grant;
   std::vector<std::size_t> places;  // among the runs that share the cores
   std::string unread;
@@ -231,7 +231,7 @@ class Sweep {
       std::error_code error;
       std::filesystem::create_directories(job.work.folder, error);
       const std::filesystem::path log_path = job.work.folder / "run.log";
-      const Descriptor log(
+      const FileDescriptor log(
           ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
       if (log.get() < 0) {
         const int reason = errno;
@@ -243,9 +243,9 @@ class Sweep {
       Pipe pipe = MakePipe();
       WorkerJob work = job.work;
       work.after_segment = known->last_segment;
-      const Descriptor input = MemoryFile(EncodeJob(work));
+      const FileDescriptor input = MemoryFile(EncodeJob(work));
       run->grant = std::make_unique<ThreadGrant>();
-      const Descriptor threads = run->grant->TakeDescriptor();
+      const FileDescriptor threads = run->grant->TakeDescriptor();
       ChildSpec child;
       child.arguments = {"worker"};
       child.input = input.get();
@@ -315,7 +315,7 @@ class Sweep {
     std::size_t begin = 0;
     for (std::size_t end; (end = run->unread.find('\n', begin)) != std::string::npos;
          begin = end + 1) {
-      if (const auto report = DecodeReport(run->unread.substr(begin, end - begin))) {
+      if (const auto report = DecodeWorkerReport(run->unread.substr(begin, end - begin))) {
         Take(run, *report);
       }
     }
@@ -324,9 +324,9 @@ class Sweep {
     if (run->unread.size() > 1 << 20) run->unread.clear();
   }
 
-  void Take(ActiveRun* run, const Report& report) {
+  void Take(ActiveRun* run, const WorkerReport& report) {
     switch (report.kind) {
-      case Report::Kind::kProgress:
+      case WorkerReport::Kind::kProgress:
         run->processor_at_report = ProcessorSeconds(run->pid);
         if (report.progress.lock_wait_seconds > 0 && run->line.progress.lock_wait_seconds == 0) {
           observer_->Say("waiting " + run->line.label + ": another process has locked " +
@@ -338,10 +338,10 @@ class Sweep {
             report.progress.stage != RunStage::kExploring && report.progress.env_step > 0);
         run->line.rate = run->rate.Rate();
         break;
-      case Report::Kind::kError:
+      case WorkerReport::Kind::kError:
         run->course.error = report.message;
         break;
-      case Report::Kind::kDone:
+      case WorkerReport::Kind::kDone:
         run->course.done = true;
         break;
     }

@@ -19,7 +19,7 @@
 
 #include "host/processes/worker.h"
 #include "host/settings/run_options.h"
-#include "host/training/procedure.h"
+#include "host/training/run_loop.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 

@@ -7,8 +7,8 @@
 #include <new>
 #include <string>
 
-#include "results/system/descriptor.h"
 #include "results/system/error.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
@@ -18,7 +18,7 @@ ThreadGrant::ThreadGrant() : descriptor_(MemoryFile(std::string(sizeof *threads_
 }
 
 ThreadGrant::ThreadGrant(int descriptor) {
-  const Descriptor handed_down(descriptor);
+  const FileDescriptor handed_down(descriptor);
   Map(descriptor);
 }
 

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "host/processes/child_process.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
@@ -26,7 +26,7 @@ class ThreadGrant {
   ThreadGrant& operator=(const ThreadGrant&) = delete;
 
   // For the worker, once; it is not needed here any more.
-  Descriptor TakeDescriptor() { return std::move(descriptor_); }
+  FileDescriptor TakeDescriptor() { return std::move(descriptor_); }
   const std::atomic<std::uint32_t>& threads() const { return *threads_; }
   void Set(std::uint32_t threads) { threads_->store(threads, std::memory_order_relaxed); }
 
@@ -35,7 +35,7 @@ class ThreadGrant {
 
   static_assert(std::atomic<std::uint32_t>::is_always_lock_free);
 
-  Descriptor descriptor_;
+  FileDescriptor descriptor_;
   std::atomic<std::uint32_t>* threads_ = nullptr;
 };
 

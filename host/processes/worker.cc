@@ -14,19 +14,19 @@
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
 #include "host/processes/eigen_product.h"
-#include "host/processes/report.h"
 #include "host/processes/run_lock.h"
 #include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
 #include "host/processes/worker_end.h"
+#include "host/processes/worker_report.h"
+#include "host/training/build_and_host.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
-#include "host/training/provenance.h"
 #include "host/training/resumption.h"
 #include "results/database/database.h"
 #include "results/database/run_writer.h"
-#include "results/system/descriptor.h"
 #include "results/system/error.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
 #include "results/text/shell.h"
@@ -54,7 +54,7 @@ void CatchStopSignals() {
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-void Send(const Report& report) { WriteAll(kReportDescriptor, EncodeReport(report)); }
+void Send(const WorkerReport& report) { WriteAll(kReportDescriptor, EncodeWorkerReport(report)); }
 
 // Tells the supervisor how the run gets on, also while it waits for the database.
 class Reporter {
@@ -104,7 +104,7 @@ class Reporter {
   }
 
   std::string db_;
-  Report report_;
+  WorkerReport report_;
   bool waiting_ = false;
   double last_sent_ = 0;
   double stop_noticed_ = 0;
@@ -138,9 +138,9 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
   }
 }
 
-std::unique_ptr<Procedure> MakeProcedure(const WorkerJob& job, const std::string& uuid,
-                                         double segment_started, double gflop_per_second,
-                                         const ThreadGrant& grant, results::RunWriter* writer) {
+std::unique_ptr<RunLoop> MakeRunLoop(const WorkerJob& job, const std::string& uuid,
+                                     double segment_started, double gflop_per_second,
+                                     const ThreadGrant& grant, results::RunWriter* writer) {
   if (job.spec.evaluation) {
     Evaluation::Options options;
     options.threads = job.evaluation_threads;
@@ -166,7 +166,7 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
     // need must not hang on what runs beside it.
     ::mallopt(M_ARENA_MAX, 1);
   }
-  const Descriptor lock = LockRun(job.folder);
+  const FileDescriptor lock = LockRun(job.folder);
   if (const std::string changed = ChangedFile(job.spec); !changed.empty()) {
     throw Failure(ExitCode::kPluginRefused, changed + " since it was described");
   }
@@ -199,41 +199,40 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   writer.BeginSegment(segment, point);
 
   const double segment_started = ActivityClock::Now();
-  std::unique_ptr<Procedure> procedure;
+  std::unique_ptr<RunLoop> loop;
   bool ready = false;  // until then the run stands where the segment begins
   try {
-    procedure =
-        MakeProcedure(job, run->uuid, segment_started, segment.gflop_per_second, grant, &writer);
+    loop = MakeRunLoop(job, run->uuid, segment_started, segment.gflop_per_second, grant, &writer);
     if (loaded) {
       for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
         writer.AddEvent(point.env_step, "warning",
                         skipped.damaged ? "damaged_checkpoint" : "unused_checkpoint", skipped.why);
         std::cerr << "warning: " << skipped.why << "\n";
       }
-      procedure->Load(loaded->checkpoint);
-      writer.AddEvent(static_cast<std::int64_t>(procedure->env_step()), "info", "resume",
+      loop->Load(loaded->checkpoint);
+      writer.AddEvent(static_cast<std::int64_t>(loop->env_step()), "info", "resume",
                       "from " + loaded->checkpoint.path().filename().string());
-      std::cerr << "resumed at environment step " << procedure->env_step() << "\n";
+      std::cerr << "resumed at environment step " << loop->env_step() << "\n";
       loaded.reset();
     }
     ready = true;
-    const Procedure::Outcome outcome = procedure->Run(
-        &stop_requested, [&](const RunProgress& progress) { reporter.Show(progress); });
-    const auto env_step = static_cast<std::int64_t>(procedure->env_step());
-    if (outcome == Procedure::Outcome::kInterrupted) {
+    const RunLoop::Outcome outcome =
+        loop->Run(&stop_requested, [&](const RunProgress& progress) { reporter.Show(progress); });
+    const auto env_step = static_cast<std::int64_t>(loop->env_step());
+    if (outcome == RunLoop::Outcome::kInterrupted) {
       writer.EndSegment("interrupted", env_step);
       std::cerr << "interrupted at environment step " << env_step << ", checkpoint written\n";
       return static_cast<int>(ExitCode::kInterrupted);
     }
-    Report report;
-    report.kind = Report::Kind::kDone;
+    WorkerReport report;
+    report.kind = WorkerReport::Kind::kDone;
     report.result_digest = writer.Finish();
     Send(report);
     std::cerr << "finished, result digest " << report.result_digest << "\n";
     return 0;
   } catch (const Failure& error) {
     const std::int64_t env_step =
-        ready ? static_cast<std::int64_t>(procedure->env_step()) : point.env_step;
+        ready ? static_cast<std::int64_t>(loop->env_step()) : point.env_step;
     const results::RunStatus status = StatusOf(error.code());
     const char* reason = results::RunStatusName(status);
     try {
@@ -272,8 +271,8 @@ int WorkerMain() {
   CatchStopSignals();
   const auto fail = [](int status, const std::string& message) {
     std::cerr << "error: " << message << "\n";
-    Report report;
-    report.kind = Report::Kind::kError;
+    WorkerReport report;
+    report.kind = WorkerReport::Kind::kError;
     report.message = message;
     Send(report);
     return status;

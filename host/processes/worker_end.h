@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "host/training/procedure.h"
+#include "host/training/run_loop.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 

@@ -30,7 +30,7 @@
 #include <vector>
 
 #include "host/saving/state.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 #include "results/system/sha256.h"
 
 namespace dreamsearch {
@@ -134,7 +134,7 @@ class Checkpoint {
   std::string Advice() const;
 
   std::filesystem::path path_;
-  Descriptor file_;
+  FileDescriptor file_;
   std::uint64_t size_ = 0;
   std::string build_;
   std::vector<Entry> parts_;

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "dreamsearch/random.h"
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 namespace {
@@ -98,19 +98,19 @@ std::filesystem::path FileOf(const Cores& cores) {
 
 // Opens the file, made for all users if it is not there. Many systems forbid O_CREAT on another
 // user's file in /tmp, so it is given only where there is none.
-Descriptor OpenForAll(const std::filesystem::path& path) {
+FileDescriptor OpenForAll(const std::filesystem::path& path) {
   constexpr int kFlags = O_RDWR | O_CLOEXEC | O_NOFOLLOW;
   for (int attempt = 0; attempt < 3; ++attempt) {
-    Descriptor file(::open(path.c_str(), kFlags));
+    FileDescriptor file(::open(path.c_str(), kFlags));
     if (file.get() >= 0 || errno != ENOENT) return file;
-    file = Descriptor(::open(path.c_str(), kFlags | O_CREAT | O_EXCL, 0666));
+    file = FileDescriptor(::open(path.c_str(), kFlags | O_CREAT | O_EXCL, 0666));
     if (file.get() >= 0) {
       ::fchmod(file.get(), 0666);  // whatever the umask
       return file;
     }
     if (errno != EEXIST) break;
   }
-  return Descriptor();
+  return FileDescriptor();
 }
 
 // Of `count` bytes, 0 for all from `first`. The lock is the open file's, so that two

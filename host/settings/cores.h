@@ -12,7 +12,7 @@
 #include <set>
 #include <string>
 
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 
@@ -57,7 +57,7 @@ class CoreSharing {
   bool TakenElsewhere(std::size_t first, std::size_t count) const;
 
   const std::uint32_t cores_;
-  Descriptor file_;  // closed if it cannot be used
+  FileDescriptor file_;  // closed if it cannot be used
   std::set<std::size_t> own_;
 };
 

@@ -22,11 +22,11 @@ enum class SeedUse : std::uint64_t {
   kTrain = 7,         // the draws inside an update
 };
 
-enum class Phase : std::uint64_t { kTraining = 0, kEvaluation = 1 };
+enum class EpisodePurpose : std::uint64_t { kTraining = 0, kEvaluation = 1 };
 
 // The seed of one call. Evaluation episode i has the same seeds at every
 // evaluation and under every planner: `episode` counts within the evaluation.
-constexpr std::uint64_t SeedFor(std::uint64_t run_seed, SeedUse use, Phase phase,
+constexpr std::uint64_t SeedFor(std::uint64_t run_seed, SeedUse use, EpisodePurpose phase,
                                 std::uint64_t episode, std::uint64_t decision) noexcept {
   std::uint64_t seed = DeriveSeed(run_seed, static_cast<std::uint64_t>(use));
   seed = DeriveSeed(seed, static_cast<std::uint64_t>(phase));

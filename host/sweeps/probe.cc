@@ -9,7 +9,7 @@
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
 #include "host/settings/schedule.h"
-#include "host/sweeps/question.h"
+#include "host/sweeps/child_request.h"
 #include "host/training/replay.h"
 #include "results/system/error.h"
 #include "results/text/json_fields.h"
@@ -40,7 +40,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   const View<double> observed{observation.data(), observation.size()};
   std::vector<double> action(figures.action_size), bounded(figures.action_size);
   const View<double> chosen{action.data(), action.size()};
-  Random random(SeedFor(spec.seed, SeedUse::kRandomAction, Phase::kEvaluation, 0, 0));
+  Random random(SeedFor(spec.seed, SeedUse::kRandomAction, EpisodePurpose::kEvaluation, 0, 0));
   std::uint32_t episode = 0;
   StepResult step;
   step.last = true;
@@ -68,7 +68,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   parts.environment = environment;
   parts.model_needs_environment = spec.model.Has(kNeedsEnvironment);
   Agent explorer(parts);
-  explorer.BeginEpisode(Phase::kTraining, 0);
+  explorer.BeginEpisode(EpisodePurpose::kTraining, 0);
   costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
 
   // Evaluations decide for several episodes side by side; here for as many of them as can
@@ -90,7 +90,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
       player.planner = players.planners[i].get();
       player.environment = environment;
       agents.push_back(std::make_unique<Agent>(player));
-      agents.back()->BeginEpisode(Phase::kEvaluation, i);
+      agents.back()->BeginEpisode(EpisodePurpose::kEvaluation, i);
     }
     EpisodeFaults faults;
     const double seconds = SecondsOf(0.3, [&] {
@@ -143,7 +143,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   return costs;
 }
 
-struct ProbeQuestion {
+struct ProbeRequest {
   RunSpec spec;
   ProbeDepth depth = ProbeDepth::kTask;
 
@@ -169,7 +169,7 @@ void MakeComponents(const RunSpec& spec, const Components& components,
 
 int ProbeMain() {
   return AnswerMain([](const nlohmann::json& json) {
-    const auto asked = results::FieldsFromJson<ProbeQuestion>(json);
+    const auto asked = results::FieldsFromJson<ProbeRequest>(json);
     const RunSpec& spec = asked.spec;
     const Components components(spec);
     const EnvironmentPtr environment = components.MakeEnvironment();
@@ -193,12 +193,12 @@ int ProbeMain() {
 }
 
 ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds) {
-  Question question;
-  question.command = "probe";
-  question.who = spec.environment.task() + ", " + spec.model.name() + ", " + spec.planner.name();
-  question.timeout_seconds = timeout_seconds;
+  ChildRequest request;
+  request.command = "probe";
+  request.who = spec.environment.task() + ", " + spec.model.name() + ", " + spec.planner.name();
+  request.timeout_seconds = timeout_seconds;
   return results::FieldsFromJson<ProbeResult>(
-      Ask(question, results::FieldsToJson(ProbeQuestion{spec, depth})));
+      AskChild(request, results::FieldsToJson(ProbeRequest{spec, depth})));
 }
 
 std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {

@@ -7,7 +7,7 @@
 #include "host/plugins/catalogue.h"
 #include "host/processes/run_lock.h"
 #include "host/saving/checkpoint.h"
-#include "host/training/provenance.h"
+#include "host/training/build_and_host.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
 #include "results/text/json_fields.h"
@@ -120,7 +120,7 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
 
 std::int64_t PluginId(results::Database* database, const ResolvedComponent& component) {
   const PluginInfo& plugin = component.info->plugin;
-  results::PluginInfo row;
+  results::PluginRow row;
   row.name = plugin.name;
   row.version = plugin.version;
   row.abi = std::to_string(plugin.sdk_major) + "." + std::to_string(plugin.sdk_minor);
@@ -214,8 +214,9 @@ std::string RunLabel(const RunSpec& spec) {
   return label + " seed " + std::to_string(spec.seed);
 }
 
-bool IsWork(Action action) {
-  return action == Action::kStart || action == Action::kResume || action == Action::kStartOver;
+bool IsWork(SweepAction action) {
+  return action == SweepAction::kStart || action == SweepAction::kResume ||
+         action == SweepAction::kStartOver;
 }
 
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
@@ -230,22 +231,22 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
       run.run_id = found->run_id;
       const std::filesystem::path folder = database->RunFolder(*found);
       if (found->status == results::RunStatus::kFinished) {
-        run.action = Action::kSkipFinished;
+        run.action = SweepAction::kSkipFinished;
       } else if (RunIsLocked(folder)) {
-        run.action = Action::kSkipActive;
+        run.action = SweepAction::kSkipActive;
         run.note = "another process is working on it";
       } else if (results::HasFailed(found->status) && !options.retry) {
-        run.action = Action::kSkipFailed;
+        run.action = SweepAction::kSkipFailed;
         run.note = std::string(results::RunStatusName(found->status)) + " before (" + found->error +
                    "); --retry runs it again";
       } else if (const auto obstacle = ObstacleOf(database, *found, spec, options.replace);
                  !obstacle) {
-        run.action = Action::kResume;
+        run.action = SweepAction::kResume;
         run.note = spec.evaluation
                        ? "from its last recorded episode"
                        : "from environment step " + std::to_string(found->env_steps_done);
       } else {
-        run.action = options.replace ? Action::kStartOver : Action::kRefused;
+        run.action = options.replace ? SweepAction::kStartOver : SweepAction::kRefused;
         run.note = obstacle->why;
         run.refusal = obstacle->code;
       }
@@ -265,7 +266,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     const PlannedRun& run = runs[i];
     const RunSpec& spec = run.spec;
     if (!IsWork(run.action)) continue;
-    if (run.action == Action::kResume) {
+    if (run.action == SweepAction::kResume) {
       // With its run.json: a kill may have come between the row and the file.
       jobs.push_back(JobFor(database, options, spec, *database->GetRun(run.run_id)));
       WriteRunFile(jobs.back().work);
@@ -289,7 +290,7 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
     row.argv = results::JsonText(nlohmann::json(argv));
     row.build_id = build_id;
     std::int64_t run_id = run.run_id;
-    if (run.action == Action::kStartOver) {
+    if (run.action == SweepAction::kStartOver) {
       ClearOwnFolder(database->OwnFolder(*database->GetRun(run_id)));
       database->ReplaceRun(run_id, row);
     } else {
@@ -304,11 +305,11 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
 int SaySkipped(results::Database* database, const std::vector<PlannedRun>& planned) {
   int failed_before = 0;
   for (const PlannedRun& run : planned) {
-    if (run.action == Action::kSkipFailed && failed_before == 0) {
+    if (run.action == SweepAction::kSkipFailed && failed_before == 0) {
       failed_before = FailureCode(*database->GetRun(run.run_id));
     }
-    if (!IsWork(run.action) && run.action != Action::kSkipFinished) {
-      std::cerr << (run.action == Action::kRefused ? "refused: " : "skipped: ")
+    if (!IsWork(run.action) && run.action != SweepAction::kSkipFinished) {
+      std::cerr << (run.action == SweepAction::kRefused ? "refused: " : "skipped: ")
                 << RunLabel(run.spec) << ": " << run.note << "\n";
     }
   }
@@ -317,7 +318,7 @@ int SaySkipped(results::Database* database, const std::vector<PlannedRun>& plann
 
 int SweepStatus(const std::vector<PlannedRun>& planned, const SweepResult& result) {
   const auto refused = std::find_if(planned.begin(), planned.end(), [](const PlannedRun& run) {
-    return run.action == Action::kRefused;
+    return run.action == SweepAction::kRefused;
   });
   return refused != planned.end() && result.exit_status != static_cast<int>(ExitCode::kInterrupted)
              ? static_cast<int>(refused->refusal)

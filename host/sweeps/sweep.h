@@ -24,7 +24,7 @@ std::string RunLabel(const RunSpec& spec);
 // The key under which the database knows the run.
 results::RunKey KeyOf(const RunSpec& spec);
 
-enum class Action {
+enum class SweepAction {
   kStart,
   kResume,
   kStartOver,
@@ -33,11 +33,11 @@ enum class Action {
   kSkipActive,
   kRefused,  // begun with other plugins or files, or its checkpoints do not continue it
 };
-bool IsWork(Action action);
+bool IsWork(SweepAction action);
 
 struct PlannedRun {
   RunSpec spec;
-  Action action = Action::kStart;
+  SweepAction action = SweepAction::kStart;
   std::int64_t run_id = 0;           // 0: not recorded yet
   std::string note;                  // why it is skipped or starts over, or where it resumes
   ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with

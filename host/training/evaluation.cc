@@ -191,7 +191,7 @@ void Evaluation::Record(const Played& played, double seconds) {
       at_.episodes - 1);
 }
 
-Procedure::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
+RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& watcher) {
   const double started = ActivityClock::Now();
   const double seconds_before = at_.seconds;
   const std::uint64_t episodes = spec_.run.Integer("eval_episodes");

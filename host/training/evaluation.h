@@ -23,7 +23,7 @@
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
 #include "host/settings/settings.h"
-#include "host/training/procedure.h"
+#include "host/training/run_loop.h"
 #include "results/database/run_writer.h"
 
 namespace dreamsearch {
@@ -53,7 +53,7 @@ class EvaluationPlayer {
 // it names no trained run.
 std::optional<Checkpoint> OpenAgent(const RunSpec& spec, const std::filesystem::path& checkpoint);
 
-class Evaluation final : public Procedure {
+class Evaluation final : public RunLoop {
  public:
   struct Options {
     std::uint32_t threads = 1;    // groups of episodes at once

@@ -155,14 +155,14 @@ void Experiment::BeginEpisode() {
   plan_us_.clear();
   episode_actions_.clear();
   trees_.clear();
-  agent_->BeginEpisode(Phase::kTraining, at_.training_episodes);
+  agent_->BeginEpisode(EpisodePurpose::kTraining, at_.training_episodes);
 }
 
 void Experiment::MakeDecision() {
   const double begin = ActivityClock::Now();
   Decision decision;
   if (episode_.random != 0) {
-    Random random(SeedFor(spec_.seed, SeedUse::kRandomAction, Phase::kTraining,
+    Random random(SeedFor(spec_.seed, SeedUse::kRandomAction, EpisodePurpose::kTraining,
                           at_.training_episodes, episode_.t));
     for (double& entry : action_) entry = random.Uniform(-1, 1);
   } else {
@@ -296,10 +296,10 @@ void Experiment::AdjustThreads() {
 void Experiment::MakeUpdate() {
   const ActivityScope scope(&clock_, Activity::kLearning);
   TrainRequest request;
-  request.batch =
-      replay_.Sample(spec_.run.Integer("batch_size"), spec_.run.Integer("sequence_length"),
-                     SeedFor(spec_.seed, SeedUse::kReplay, Phase::kTraining, at_.updates, 0));
-  request.seed = SeedFor(spec_.seed, SeedUse::kTrain, Phase::kTraining, at_.updates, 0);
+  request.batch = replay_.Sample(
+      spec_.run.Integer("batch_size"), spec_.run.Integer("sequence_length"),
+      SeedFor(spec_.seed, SeedUse::kReplay, EpisodePurpose::kTraining, at_.updates, 0));
+  request.seed = SeedFor(spec_.seed, SeedUse::kTrain, EpisodePurpose::kTraining, at_.updates, 0);
   request.update = at_.updates;
   request.environment_step = at_.env_step;
   const Status status = model_->Train(request, {metrics_.data(), metrics_.size()});

@@ -31,13 +31,13 @@
 #include "host/acting/joint_model.h"
 #include "host/saving/checkpoint.h"
 #include "host/settings/settings.h"
-#include "host/training/procedure.h"
 #include "host/training/replay.h"
+#include "host/training/run_loop.h"
 #include "results/database/run_writer.h"
 
 namespace dreamsearch {
 
-class Experiment final : public Procedure {
+class Experiment final : public RunLoop {
  public:
   struct Options {
     // How many threads the model may use, looked at before every update and evaluation;

@@ -96,8 +96,8 @@ void Experiment::DumpDivergence(const std::string& message) {
 }
 
 std::uint32_t Experiment::EnvironmentSeed() const {
-  return static_cast<std::uint32_t>(
-      SeedFor(spec_.seed, SeedUse::kEnvironment, Phase::kTraining, at_.training_episodes, 0));
+  return static_cast<std::uint32_t>(SeedFor(spec_.seed, SeedUse::kEnvironment,
+                                            EpisodePurpose::kTraining, at_.training_episodes, 0));
 }
 
 void Experiment::EndDivergedEpisode(const std::string& message) {

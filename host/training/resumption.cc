@@ -1,9 +1,9 @@
 #include "host/training/resumption.h"
 
 #include "host/plugins/catalogue.h"
+#include "host/training/build_and_host.h"
 #include "host/training/evaluation.h"
 #include "host/training/experiment.h"
-#include "host/training/provenance.h"
 #include "results/system/error.h"
 #include "results/text/text.h"
 

@@ -103,7 +103,7 @@ class Gumbel final : public TreePlanner {
       Index first = 0;
       if (Status status = AddSampledEdges(node, children_, &first); !status.ok()) return status;
     }
-    *edge = MostWanting(node);
+    *edge = MatchImprovedPolicy(node);
     return OkStatus();
   }
 
@@ -138,7 +138,7 @@ class Gumbel final : public TreePlanner {
     return best;
   }
 
-  Index MostWanting(Index node) noexcept {
+  Index MatchImprovedPolicy(Index node) noexcept {
     Sigma(node);
     const Index count = tree_.child_count(node);
     double largest = scores_[0], sum = 0;

@@ -74,8 +74,8 @@ class Hoot final : public TreePlanner {
     Index edge;    // of a whole cell: its action; kNone while it has none
     double b;      // of the walk under way
   };
-  // What the actions of a cell have earned.
-  struct Earned {
+  // What is known of the actions of a cell.
+  struct CellStatistics {
     double visits = 0;     // with simulations in flight
     double completed = 0;  // without them
     double sum = 0;        // of returns
@@ -147,35 +147,35 @@ class Hoot final : public TreePlanner {
   }
 
   // Sets B of a cell and of all below it.
-  Earned Rate(Index cell, std::uint64_t depth) noexcept {
+  CellStatistics Rate(Index cell, std::uint64_t depth) noexcept {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    Earned earned;
+    CellStatistics statistics;
     double below = kInfinity;
     if (const Index lower = cells_[cell].halves; lower != SearchTree::kNone) {
-      const Earned first = Rate(lower, depth + 1);
-      const Earned second = Rate(lower + 1, depth + 1);
-      earned = {first.visits + second.visits, first.completed + second.completed,
-                first.sum + second.sum};
+      const CellStatistics first = Rate(lower, depth + 1);
+      const CellStatistics second = Rate(lower + 1, depth + 1);
+      statistics = {first.visits + second.visits, first.completed + second.completed,
+                    first.sum + second.sum};
       below = std::max(cells_[lower].b, cells_[lower + 1].b);
     } else if (const Index edge = cells_[cell].edge; edge != SearchTree::kNone) {
-      earned.completed = tree_.edge_visits(edge);
-      earned.visits = earned.completed + tree_.edge_in_flight(edge);
-      earned.sum = earned.completed * tree_.q(edge);
+      statistics.completed = tree_.edge_visits(edge);
+      statistics.visits = statistics.completed + tree_.edge_in_flight(edge);
+      statistics.sum = statistics.completed * tree_.q(edge);
     }
-    if (earned.visits == 0) {
+    if (statistics.visits == 0) {
       cells_[cell].b = kInfinity;
-      return earned;
+      return statistics;
     }
     double q = 0;
-    if (earned.completed > 0) {
+    if (statistics.completed > 0) {
       // Simulations in flight count as returns at the lower extreme.
-      q = (earned.sum / earned.completed - tree_.q_min()) * tree_.q_scale() * earned.completed /
-          earned.visits;
+      q = (statistics.sum / statistics.completed - tree_.q_min()) * tree_.q_scale() *
+          statistics.completed / statistics.visits;
     }
-    const double u = q + exploration_ * std::sqrt(2 * log_n_ / earned.visits) +
+    const double u = q + exploration_ * std::sqrt(2 * log_n_ / statistics.visits) +
                      nu_ * std::pow(rho_, static_cast<double>(depth));
     cells_[cell].b = std::min(u, below);
-    return earned;
+    return statistics;
   }
 
   const Index split_visits_;

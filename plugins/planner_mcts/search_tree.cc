@@ -107,7 +107,7 @@ void SearchTree::AddInFlight(Index leaf, std::int32_t change) noexcept {
   }
 }
 
-void SearchTree::TakeExtremesAnew() noexcept {
+void SearchTree::RecomputeQRange() noexcept {
   q_min_ = std::numeric_limits<double>::infinity();
   q_max_ = -std::numeric_limits<double>::infinity();
   for (Index edge = 0; edge < edge_count_; ++edge) {
@@ -174,7 +174,7 @@ void SearchTree::KeepSubtree(Index root) noexcept {
   }
   node_count_ = evaluated_count_ = nodes;
   edge_count_ = edges;
-  TakeExtremesAnew();
+  RecomputeQRange();
 }
 
 void SearchTree::Report(TreeSink* sink) const noexcept {
@@ -265,7 +265,7 @@ Status SearchTree::Load(ByteSource* source) noexcept {
     return status.ok() ? Error(StatusCode::kDataLoss, "the saved tree contradicts itself") : status;
   }
   evaluated_count_ = node_count_;
-  TakeExtremesAnew();
+  RecomputeQRange();
   return OkStatus();
 }
 

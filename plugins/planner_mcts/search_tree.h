@@ -114,7 +114,7 @@ class SearchTree {
   Status Load(ByteSource* source) noexcept;
 
  private:
-  void TakeExtremesAnew() noexcept;
+  void RecomputeQRange() noexcept;
   // Calls f on every array of a node or an edge, with its count in use.
   template <typename Self, typename F>
   static Status ForEachArray(Self& self, F f);

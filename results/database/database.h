@@ -71,7 +71,7 @@ struct TaskInfo {
   }
 };
 
-struct PluginInfo {
+struct PluginRow {
   std::string name;
   std::string version;
   std::string abi;     // version of the SDK it was built against, "1.0"
@@ -236,11 +236,11 @@ class Database {
   // not be averaged with the old ones.
   std::int64_t Study(const std::string& name, const std::string& description = "");
   std::int64_t Task(const TaskInfo& task);
-  std::int64_t Plugin(const PluginInfo& plugin);
+  std::int64_t Plugin(const PluginRow& plugin);
   std::int64_t Config(const std::string& canonical_json);
   std::int64_t Build(const BuildInfo& build);
   std::int64_t Host(const HostInfo& host);
-  PluginInfo GetPlugin(std::int64_t plugin_id);
+  PluginRow GetPlugin(std::int64_t plugin_id);
   BuildInfo GetBuild(std::int64_t build_id);
 
   std::optional<RunInfo> FindRun(const RunKey& key);

@@ -90,7 +90,7 @@ std::int64_t Database::Task(const TaskInfo& task) {
   return id;
 }
 
-std::int64_t Database::Plugin(const PluginInfo& plugin) {
+std::int64_t Database::Plugin(const PluginRow& plugin) {
   return FindOrInsert(*connection_,
                       "SELECT plugin_id FROM plugin WHERE name = ?1 AND version = ?2 AND abi = ?3"
                       " AND file = ?4 AND sha256 = ?5",
@@ -125,7 +125,7 @@ std::int64_t Database::Host(const HostInfo& host) {
                       host.hostname, host.cpu, host.cores, host.memory_bytes, host.os);
 }
 
-PluginInfo Database::GetPlugin(std::int64_t plugin_id) {
+PluginRow Database::GetPlugin(std::int64_t plugin_id) {
   Statement row = connection_->Prepare(
       "SELECT name, version, abi, file, sha256 FROM plugin WHERE plugin_id = ?1");
   if (!row.Bind(plugin_id).Step()) {

@@ -54,7 +54,7 @@ int Show::Run() {
   };
   const auto plugin = [&](const std::optional<std::int64_t>& id) -> Cell {
     if (!id) return {};
-    const PluginInfo info = database->GetPlugin(*id);
+    const PluginRow info = database->GetPlugin(*id);
     return info.name + " " + info.version + "  " + info.file + "  sha256 " +
            info.sha256.substr(0, 12);
   };

@@ -238,7 +238,7 @@ std::string Provenance(const std::vector<GroupedRun>& runs) {
   }
   Table modules = {{"name", "version", "SDK", "SHA-256", "runs"}, {}};
   for (const auto& [key, count] : plugins) {
-    const PluginInfo plugin = key.first->GetPlugin(key.second);
+    const PluginRow plugin = key.first->GetPlugin(key.second);
     modules.rows.push_back(
         {plugin.name, plugin.version, plugin.abi, plugin.sha256.substr(0, 12), count});
   }

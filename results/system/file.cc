@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "results/system/descriptor.h"
 #include "results/system/error.h"
+#include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
 namespace {
@@ -31,7 +31,7 @@ namespace {
 }
 
 void SyncFolder(const std::filesystem::path& folder) {
-  Descriptor fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  FileDescriptor fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (fd.get() < 0 || ::fsync(fd.get()) != 0) ThrowErrno(folder / ".", "sync", errno);
 }
 
@@ -59,7 +59,7 @@ void ReadFile(const std::filesystem::path& path, const Append& append) {
                                                               : ExitCode::kInputOutput;
     throw Failure(code, AbsolutePath(path.string()) + ": cannot be read: " + std::strerror(error));
   };
-  const Descriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const FileDescriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (descriptor.get() < 0) fail(errno);
   std::vector<char> block(1 << 16);
   for (;;) {
@@ -80,7 +80,7 @@ std::string ReadWholeFile(const std::filesystem::path& path) {
 void WriteWholeFile(const std::filesystem::path& path,
                     const std::function<void(const Append& append)>& write) {
   const std::filesystem::path temporary = path.string() + ".tmp";
-  Descriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  FileDescriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
   if (fd.get() < 0) ThrowErrno(temporary, "create", errno);
   try {
     write([&](std::string_view bytes) {

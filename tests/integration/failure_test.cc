@@ -292,7 +292,7 @@ std::vector<std::string> FaultyTraining(const std::string& environment, const st
   return arguments;
 }
 
-TEST(Claims, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
+TEST(DeclaredValues, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
   const std::pair<const char*, const char*> cases[] = {
       {"no_steps", "'no_steps' says episode_steps = 0, expected at least 1"},
       {"short_bounds", "says action_low.size = 1, expected action_size = 2 numbers"},
@@ -331,7 +331,7 @@ TEST(HangTest, EachOfTheDecisionsOfAnEvaluationHasTheTimeOfOne) {
   EXPECT_EQ(place.Value("f.db", "select count(*) from episode where phase = 1"), "24");
 }
 
-TEST(Claims, OfAModelCostItsRunAlone) {
+TEST(DeclaredValues, OfAModelCostItsRunAlone) {
   const Workplace place;
   const ProgramResult result =
       place.Runner(FaultyTraining("good_environment", "no_latent,odd_latent,idle_model"));
@@ -347,7 +347,7 @@ TEST(Claims, OfAModelCostItsRunAlone) {
   EXPECT_NE(run("odd_latent", "error").find("says latent_bytes = 72"), std::string::npos);
 }
 
-TEST(Claims, AnEpisodeEndsWhenTheEnvironmentSaidItWould) {
+TEST(DeclaredValues, AnEpisodeEndsWhenTheEnvironmentSaidItWould) {
   const Workplace place;
   for (const char* environment : {"endless", "endless_training"}) {
     const ProgramResult result = place.Runner(FaultyTraining(environment, "idle_model"));

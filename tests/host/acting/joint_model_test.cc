@@ -253,7 +253,7 @@ constexpr std::uint64_t kRunSeed = 5;
 
 std::uint32_t SeedOf(std::uint64_t episode) {
   return static_cast<std::uint32_t>(
-      SeedFor(kRunSeed, SeedUse::kEnvironment, Phase::kEvaluation, episode, 0));
+      SeedFor(kRunSeed, SeedUse::kEnvironment, EpisodePurpose::kEvaluation, episode, 0));
 }
 
 EnvironmentPtr MakePush(bool uneven) {
@@ -304,7 +304,7 @@ struct Played {
 
 using MakePlanner = std::function<PlannerPtr()>;
 
-PlannerPtr Made(const ComponentDescriptor& component, const Model& model) {
+PlannerPtr NewPlanner(const ComponentDescriptor& component, const Model& model) {
   std::vector<ParameterValue> values = Resolve(component, {{"simulations", 12},
                                                            {"candidates", 24},
                                                            {"elites", 6},
@@ -382,7 +382,7 @@ void ExpectTheBitsTheyHaveAlone(Model* model, bool needs_environment,
     const std::string name = planner != nullptr ? planner->name : "actor";
     if (!names.empty() && names.count(name) == 0) continue;
     MakePlanner make;
-    if (planner != nullptr) make = [&] { return Made(*planner, *model); };
+    if (planner != nullptr) make = [&] { return NewPlanner(*planner, *model); };
     const std::size_t metrics = planner != nullptr ? planner->metrics.size : 0;
     Played alone;
     for (std::uint64_t i = 0; i < kEpisodes; ++i) {
@@ -456,8 +456,8 @@ TEST(EpisodePlayers, TheLeavesOfAllTreesGoInOneRequest) {
   Linear model;
   const ComponentDescriptor& planner = FindPlanner("mcts_pw");
   Play(
-      &model, kEpisodes, 0, kEpisodes, [&] { return Made(planner, model); }, planner.metrics.size,
-      false, false);
+      &model, kEpisodes, 0, kEpisodes, [&] { return NewPlanner(planner, model); },
+      planner.metrics.size, false, false);
   EXPECT_EQ(model.imagine.rows, 6 * 12 * kEpisodes);
   EXPECT_EQ(model.imagine.calls, 6 * 12u);
   EXPECT_EQ(model.value.calls, 6 * 12u);
@@ -480,7 +480,7 @@ TEST(EpisodePlayers, TheFaultOfTheFirstEpisodeIsMetHoweverManyArePlayedTogether)
 TEST(EpisodePlayers, ARequestThatTheModelRefusesIsTheFaultOfItsOwnEpisodeAlone) {
   Linear model;
   const ComponentDescriptor& planner = FindPlanner("mcts_pw");
-  const MakePlanner make = [&] { return Made(planner, model); };
+  const MakePlanner make = [&] { return NewPlanner(planner, model); };
   const Played healthy = Play(&model, 1, 0, 4, make, planner.metrics.size);
   model.poison = 4;
   const Played played = Play(&model, kEpisodes, 0, kEpisodes, make, planner.metrics.size);

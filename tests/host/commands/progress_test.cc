@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "host/processes/report.h"
+#include "host/processes/worker_report.h"
 #include "host/training/rate_meter.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
@@ -68,17 +68,17 @@ TEST(RateMeter, CountsOnlyWhatCounts) {
   EXPECT_DOUBLE_EQ(meter.Rate(), 50);
 }
 
-TEST(Report, RoundTripsAndRefusesNoise) {
-  Report report;
+TEST(WorkerReport, RoundTripsAndRefusesNoise) {
+  WorkerReport report;
   report.progress.stage = RunStage::kLearning;
   report.progress.env_step = 5000;
   report.progress.training_return = 12.5;
   report.progress.decisions = 3;
   report.progress.threads = 2;
   report.progress.lock_wait_seconds = 1.5;
-  const auto decoded = DecodeReport(EncodeReport(report));
+  const auto decoded = DecodeWorkerReport(EncodeWorkerReport(report));
   ASSERT_TRUE(decoded);
-  EXPECT_EQ(decoded->kind, Report::Kind::kProgress);
+  EXPECT_EQ(decoded->kind, WorkerReport::Kind::kProgress);
   EXPECT_EQ(decoded->progress.stage, RunStage::kLearning);
   EXPECT_EQ(decoded->progress.env_step, 5000u);
   EXPECT_EQ(decoded->progress.training_return, 12.5);
@@ -86,17 +86,17 @@ TEST(Report, RoundTripsAndRefusesNoise) {
   EXPECT_EQ(decoded->progress.decisions, 3u);
   EXPECT_EQ(decoded->progress.threads, 2u);
   EXPECT_EQ(decoded->progress.lock_wait_seconds, 1.5);
-  const std::string line = EncodeReport(report);
+  const std::string line = EncodeWorkerReport(report);
   for (const auto& [from, to] :
        {std::pair("\"kind\":0", "\"kind\":9"), std::pair("\"stage\":3", "\"stage\":17"),
         std::pair("\"env_step\":5000", "\"env_step\":\"x\"")}) {
     std::string noise = line;
     ASSERT_NE(noise.find(from), std::string::npos) << line;
     noise.replace(noise.find(from), std::string(from).size(), to);
-    EXPECT_FALSE(DecodeReport(noise)) << noise;
+    EXPECT_FALSE(DecodeWorkerReport(noise)) << noise;
   }
   for (const char* noise : {"hello", "[1, 2]", "{}", "", "null", "{\"kind\":0}"}) {
-    EXPECT_FALSE(DecodeReport(noise)) << noise;
+    EXPECT_FALSE(DecodeWorkerReport(noise)) << noise;
   }
 }
 

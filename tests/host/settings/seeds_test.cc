@@ -11,7 +11,7 @@ TEST(SeedFor, EveryArgumentMatters) {
   std::set<std::uint64_t> seen;
   for (std::uint64_t run = 0; run < 5; ++run) {
     for (const SeedUse use : {SeedUse::kEnvironment, SeedUse::kPlan, SeedUse::kTrain}) {
-      for (const Phase phase : {Phase::kTraining, Phase::kEvaluation}) {
+      for (const EpisodePurpose phase : {EpisodePurpose::kTraining, EpisodePurpose::kEvaluation}) {
         for (std::uint64_t episode = 0; episode < 5; ++episode) {
           for (std::uint64_t decision = 0; decision < 5; ++decision) {
             seen.insert(SeedFor(run, use, phase, episode, decision));

@@ -317,8 +317,8 @@ TEST(Database, ProvenanceIsStoredOnce) {
   const BuildInfo build = {"0.1.0", "abc", true, "g++", "-O3", "avx2", "{}"};
   EXPECT_EQ(db->Build(build), db->Build(build));
   EXPECT_EQ(db->GetBuild(db->Build(build)).dirty, true);
-  const PluginInfo plugin = {"p", "1", "1.0", "p.so", "00"};
-  PluginInfo rebuilt = plugin;
+  const PluginRow plugin = {"p", "1", "1.0", "p.so", "00"};
+  PluginRow rebuilt = plugin;
   rebuilt.sha256 = "01";
   EXPECT_EQ(db->Plugin(plugin), db->Plugin(plugin));
   EXPECT_NE(db->Plugin(plugin), db->Plugin(rebuilt));

@@ -1,4 +1,4 @@
-// descriptor.h - file descriptors that close themselves, and whole reads and writes.
+// file_descriptor.h - file descriptors that close themselves, and whole reads and writes.
 #pragma once
 
 #include <string>
@@ -7,12 +7,12 @@
 namespace dreamsearch {
 
 // A file descriptor that closes itself.
-class Descriptor {
+class FileDescriptor {
  public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() { Close(); }
-  Descriptor(Descriptor&& other) noexcept : fd_(other.Release()) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
+  explicit FileDescriptor(int fd = -1) : fd_(fd) {}
+  ~FileDescriptor() { Close(); }
+  FileDescriptor(FileDescriptor&& other) noexcept : fd_(other.Release()) {}
+  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
     if (this != &other) {
       Close();
       fd_ = other.Release();

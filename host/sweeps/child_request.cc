@@ -1,4 +1,4 @@
-#include "host/sweeps/question.h"
+#include "host/sweeps/child_request.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -13,29 +13,29 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "results/system/descriptor.h"
 #include "results/system/error.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/json_text.h"
 
 namespace dreamsearch {
 
-nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
+nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& content) {
   Pipe pipe = MakePipe();
-  const Descriptor input = MemoryFile(results::JsonText(content));
+  const FileDescriptor input = MemoryFile(results::JsonText(content));
   ChildSpec child;
-  child.arguments = {question.command};
+  child.arguments = {request.command};
   child.input = input.get();
-  child.log = question.show_messages ? STDERR_FILENO : -1;
+  child.log = request.show_messages ? STDERR_FILENO : -1;
   child.report = pipe.write.get();
   const pid_t pid = StartChild(child);
   pipe.write.Close();
 
   std::string text;
-  const double deadline = ActivityClock::Now() + question.timeout_seconds;
+  const double deadline = ActivityClock::Now() + request.timeout_seconds;
   bool timed_out = false;
   for (;;) {
     pollfd polled{pipe.read.get(), POLLIN, 0};
-    const double left = question.timeout_seconds > 0 ? deadline - ActivityClock::Now() : 1;
+    const double left = request.timeout_seconds > 0 ? deadline - ActivityClock::Now() : 1;
     if (left <= 0) {
       timed_out = true;
       ::kill(pid, SIGKILL);
@@ -55,8 +55,8 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
   }
   if (timed_out) {
     throw Failure(ExitCode::kPluginCrashed,
-                  "the components of " + question.who + " did not answer within " +
-                      std::to_string(static_cast<int>(question.timeout_seconds)) + " s");
+                  "the components of " + request.who + " did not answer within " +
+                      std::to_string(static_cast<int>(request.timeout_seconds)) + " s");
   }
   nlohmann::json answer = results::ParseJsonOrDiscard(text);
   if (answer.is_object() && answer.contains("error")) {
@@ -64,8 +64,8 @@ nlohmann::json Ask(const Question& question, const nlohmann::json& content) {
                   answer["error"].get<std::string>());
   }
   if (!answer.is_object() || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw Failure(ExitCode::kPluginCrashed, "`runner " + question.command +
-                                                "` with the components of " + question.who +
+    throw Failure(ExitCode::kPluginCrashed, "`runner " + request.command +
+                                                "` with the components of " + request.who +
                                                 " ended with " + DescribeWaitStatus(status));
   }
   return answer;

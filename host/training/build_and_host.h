@@ -1,4 +1,4 @@
-// provenance.h - what produced a result: this build and this machine.
+// build_and_host.h - what produced a result: this build and this machine.
 #pragma once
 
 #include <string>

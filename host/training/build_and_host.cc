@@ -1,4 +1,4 @@
-#include "host/training/provenance.h"
+#include "host/training/build_and_host.h"
 
 #include <sys/sysinfo.h>
 #include <sys/utsname.h>

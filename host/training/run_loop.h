@@ -1,5 +1,4 @@
-// procedure.h - what a worker does for a run: it trains (Experiment) or evaluates
-// (Evaluation).
+// run_loop.h - the loop of a run: it trains (Experiment) or evaluates (Evaluation).
 #pragma once
 
 #include <atomic>
@@ -56,13 +55,13 @@ inline std::int64_t Signed(std::uint64_t count) { return static_cast<std::int64_
 // The ids of the component's metrics, "mcts_pw.root_visit_entropy", in their order.
 std::vector<std::int64_t> MetricIds(const ResolvedComponent& component, results::RunWriter* writer);
 
-class Procedure {
+class RunLoop {
  public:
   // Called often, at least once a decision and once an update.
   using Watcher = std::function<void(const RunProgress&)>;
   enum class Outcome { kFinished, kInterrupted };
 
-  virtual ~Procedure() = default;
+  virtual ~RunLoop() = default;
 
   // Goes on from what a checkpoint of it holds; comes before Run.
   virtual void Load(const Checkpoint& checkpoint) = 0;

@@ -1,4 +1,4 @@
-// report.h - what a worker tells its supervisor, a line of JSON each.
+// worker_report.h - what a worker tells its supervisor, a line of JSON each.
 //
 // Reports are for people and for the hang watch. Results go to the database, so
 // a lost report loses nothing.
@@ -8,11 +8,11 @@
 #include <optional>
 #include <string>
 
-#include "host/training/procedure.h"
+#include "host/training/run_loop.h"
 
 namespace dreamsearch {
 
-struct Report {
+struct WorkerReport {
   enum class Kind : std::uint32_t { kProgress = 0, kError = 1, kDone = 2 };
   Kind kind = Kind::kProgress;
   RunProgress progress;       // kProgress
@@ -29,8 +29,8 @@ struct Report {
 };
 
 // One line, newline included.
-std::string EncodeReport(const Report& report);
+std::string EncodeWorkerReport(const WorkerReport& report);
 // nullopt for a line that is not a report (a plugin may write to any descriptor).
-std::optional<Report> DecodeReport(const std::string& line);
+std::optional<WorkerReport> DecodeWorkerReport(const std::string& line);
 
 }  // namespace dreamsearch

@@ -1,4 +1,4 @@
-#include "host/training/procedure.h"
+#include "host/training/run_loop.h"
 
 namespace dreamsearch {
 

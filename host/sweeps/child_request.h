@@ -1,4 +1,4 @@
-// question.h - asks something of plugins in a child process, without a run.
+// child_request.h - asks something of plugins in a child process, without a run.
 //
 // The supervisor loads no plugin. What it must know of one, or have done by one, it
 // asks of a child: JSON on the child's standard input, JSON back on descriptor 3.
@@ -10,7 +10,7 @@
 
 namespace dreamsearch {
 
-struct Question {
+struct ChildRequest {
   std::string command;         // the runner's own subcommand that answers
   std::string who;             // what is asked, for messages: "cartpole_swingup, dreamer"
   double timeout_seconds = 0;  // of wall time; 0: none
@@ -19,9 +19,9 @@ struct Question {
 
 // The answer. Throws Failure with the child's message and exit code; 71 if it
 // crashed or took longer than the timeout.
-nlohmann::json Ask(const Question& question, const nlohmann::json& content);
+nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& content);
 
-// The child's side: answers the question on standard input. Returns the exit status.
+// The child's side: answers the request on standard input. Returns the exit status.
 int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answer);
 
 }  // namespace dreamsearch

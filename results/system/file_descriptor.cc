@@ -1,4 +1,4 @@
-#include "results/system/descriptor.h"
+#include "results/system/file_descriptor.h"
 
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 
 namespace dreamsearch {
 
-void Descriptor::Close() {
+void FileDescriptor::Close() {
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;
 }
