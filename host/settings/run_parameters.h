@@ -32,10 +32,16 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("fast", 100)
         .Preset("paper", 100),
     IntParameter("train_every", 3, 1, 1000000, "steps",
-                 "Environment steps for which one update is made, at each episode's end. [ours, "
+                 "Environment steps for which one update is made. [ours, "
                  "results/published/ablation.md; paper: 10]")
         .Preset("fast", 3)
         .Preset("paper", 10),
+    BoolParameter(
+        "train_within_episode", false,
+        "Make each update as soon as its steps are made, between two decisions, and not at "
+        "the episode's end. [TD-MPC2: true; dreamer, paper: false]")
+        .Preset("fast", false)
+        .Preset("paper", false),
     IntParameter("batch_size", 16, 1, 4096, "sequences",
                  "Sequences in a training batch. [DreamerV3: 16; paper: 50]")
         .Preset("fast", 16)

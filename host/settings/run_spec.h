@@ -59,6 +59,7 @@ struct ResolvedValues {
   const ResolvedValue* Find(std::string_view name) const;
   double Number(std::string_view name) const;
   std::uint64_t Integer(std::string_view name) const;
+  bool Flag(std::string_view name) const { return Number(name) != 0; }
   const std::string& Choice(std::string_view name) const;
 
   template <typename Archive>

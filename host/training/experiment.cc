@@ -97,6 +97,12 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
           at_.stage = Stage::kEpisode;
           break;
         case Stage::kEpisode:
+          if (at_.pending_updates > 0) {
+            AdjustThreads();
+            MakeUpdate();
+            Watch(RunStage::kLearning);
+            break;
+          }
           MakeDecision();
           Watch(episode_.random != 0 ? RunStage::kExploring : RunStage::kInteracting);
           break;
@@ -225,6 +231,8 @@ void Experiment::MakeDecision() {
   if (held.last || at_.env_step >= target_) {
     at_.diverged_in_a_row = 0;
     FinishEpisode();
+  } else if (at_.pretrained != 0 && spec_.run.Flag("train_within_episode")) {
+    EarnUpdates();
   }
 }
 
@@ -267,22 +275,22 @@ void Experiment::FinishEpisode() {
   at_.last_training_return = episode_.episode_return;
   ++at_.training_episodes;
 
-  // What the episode earned in updates.
-  const auto prefill = spec_.run.Integer("prefill_steps");
-  const auto train_every = spec_.run.Integer("train_every");
-  if (at_.env_step >= prefill && spec_.model.Has(kLearns)) {
-    if (at_.pretrained == 0) {
-      at_.pretrained = 1;
-      at_.pending_updates = spec_.run.Integer("pretrain_updates");
-      at_.learned_env_step = at_.env_step;
-    } else {
-      at_.pending_updates = (at_.env_step - at_.learned_env_step) / train_every;
-      at_.learned_env_step += at_.pending_updates * train_every;
-    }
+  if (at_.pretrained != 0) {
+    EarnUpdates();
+  } else if (at_.env_step >= spec_.run.Integer("prefill_steps") && spec_.model.Has(kLearns)) {
+    at_.pretrained = 1;
+    at_.pending_updates = spec_.run.Integer("pretrain_updates");
+    at_.learned_env_step = at_.env_step;
   }
   at_.stage = Stage::kLearn;
   writer_->SetProgress(Signed(at_.env_step));
   writer_->TryCommit();
+}
+
+void Experiment::EarnUpdates() {
+  const auto train_every = spec_.run.Integer("train_every");
+  at_.pending_updates = (at_.env_step - at_.learned_env_step) / train_every;
+  at_.learned_env_step += at_.pending_updates * train_every;
 }
 
 void Experiment::AdjustThreads() {

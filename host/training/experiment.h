@@ -3,8 +3,9 @@
 // The schedule is that of Koul et al. 2020 and Dreamer (Hafner et al. 2020):
 // episodes that begin before run.prefill_steps are uniformly random; then
 // run.pretrain_updates; then, at the end of each episode, one update for every
-// run.train_every environment steps gained. Evaluations come at step 0, at the
-// first episode end after every run.eval_every environment steps, and at the end.
+// run.train_every environment steps gained; with run.train_within_episode (TD-MPC2, Hansen
+// et al. 2024) as soon as they are gained, from the episodes before. Evaluations come at step 0, at
+// the first episode end after every run.eval_every environment steps, and at the end.
 //
 // Units    an *environment step* is one control step of the simulator, before
 //          action repeat; a *decision* is one chosen action, random ones included.
@@ -152,6 +153,8 @@ class Experiment final : public RunLoop {
   void EndDivergedEpisode(const std::string& message);
   void DumpEpisode(const std::string& message);
   void FinishEpisode();
+  // Grants the updates for the environment steps made since the last were granted.
+  void EarnUpdates();
   void AdjustThreads();
   void MakeUpdate();
   void FinishUpdates();

@@ -9,13 +9,14 @@ using dreamsearch::ComponentDescriptor;
 using dreamsearch::ComponentKind;
 using dreamsearch::RunPreset;
 
-// TD-MPC2's batches of 256 sequences with 3 steps, an update a decision at action repeat 2, and
-// as many before the first episode as there are random decisions.
+// TD-MPC2's batches of 256 sequences with 3 steps, an update after each decision at action repeat
+// 2, and as many before the first episode as there are random decisions.
 constexpr RunPreset kRunPresets[] = {
-    {"batch_size", "fast", 256},        {"batch_size", "paper", 256},
-    {"sequence_length", "fast", 4},     {"sequence_length", "paper", 4},
-    {"train_every", "fast", 2},         {"train_every", "paper", 2},
-    {"pretrain_updates", "fast", 2500}, {"pretrain_updates", "paper", 2500},
+    {"batch_size", "fast", 256},         {"batch_size", "paper", 256},
+    {"sequence_length", "fast", 4},      {"sequence_length", "paper", 4},
+    {"train_every", "fast", 2},          {"train_every", "paper", 2},
+    {"pretrain_updates", "fast", 2500},  {"pretrain_updates", "paper", 2500},
+    {"train_within_episode", "fast", 1}, {"train_within_episode", "paper", 1},
 };
 
 const ComponentDescriptor kComponents[] = {{
