@@ -89,7 +89,9 @@ void PrintParameters(const std::string& key, const std::vector<ParameterInfo>& p
 std::string TraitsText(const ComponentInfo& component) {
   constexpr std::pair<Trait, const char*> kNames[] = {{kSearches, "searches"},
                                                       {kActorAlone, "the actor alone"},
+                                                      {kReportsPolicy, "reports its policy"},
                                                       {kLearns, "learns"},
+                                                      {kLearnsFromSearch, "learns from searches"},
                                                       {kNeedsEnvironment, "needs an environment"},
                                                       {kDefault, "taken if none is named"}};
   std::vector<std::string> names;

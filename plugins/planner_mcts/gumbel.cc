@@ -18,6 +18,7 @@
 // sigma(q)  (c_visit + max_b N(b)) * c_scale * Qbar, with Q min-max normalised over
 //           the tree. An unvisited action has the paper's mixed value (appendix D),
 //           (v + n * mean Q of the visited actions) / (1 + n).
+// Policy    The improved policy that is reported is the root's pi'.
 #include "mcts.h"
 #include "tree_planner.h"
 
@@ -113,8 +114,12 @@ class Gumbel final : public TreePlanner {
          edge = tree_.next_sibling(edge)) {
       most = std::max(most, tree_.edge_visits(edge));
     }
-    return BestOfVisited(most);
+    const Index best = BestOfVisited(most);
+    ExponentiateScores(tree_.child_count(SearchTree::kRoot));
+    return best;
   }
+
+  double PolicyWeight(Index i, Index) const noexcept override { return scores_[i]; }
 
   Index AllVisits(Index edge) const noexcept {
     return tree_.edge_visits(edge) + tree_.edge_in_flight(edge);
@@ -140,13 +145,7 @@ class Gumbel final : public TreePlanner {
 
   Index MatchImprovedPolicy(Index node) noexcept {
     Sigma(node);
-    const Index count = tree_.child_count(node);
-    double largest = scores_[0], sum = 0;
-    for (Index i = 1; i < count; ++i) largest = std::max(largest, scores_[i]);
-    for (Index i = 0; i < count; ++i) {
-      scores_[i] = std::exp(scores_[i] - largest);
-      sum += scores_[i];
-    }
+    const double sum = ExponentiateScores(tree_.child_count(node));
     const double all_visits = tree_.visits(node) + tree_.in_flight(node);
     Index best = SearchTree::kNone;
     double best_score = 0;
@@ -160,6 +159,17 @@ class Gumbel final : public TreePlanner {
       }
     }
     return best;
+  }
+
+  // The first `count` scores become pi' but for its sum, which is returned.
+  double ExponentiateScores(Index count) noexcept {
+    double largest = scores_[0], sum = 0;
+    for (Index i = 1; i < count; ++i) largest = std::max(largest, scores_[i]);
+    for (Index i = 0; i < count; ++i) {
+      scores_[i] = std::exp(scores_[i] - largest);
+      sum += scores_[i];
+    }
+    return sum;
   }
 
   // scores_[i] = sigma(q) of the node's i-th child. A simulation in flight counts as
@@ -205,7 +215,7 @@ class Gumbel final : public TreePlanner {
 
 constexpr ComponentDescriptor kMctsGumbel = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "mcts_gumbel",
     .version = "1.0.0",
     .summary = "Tree search with Gumbel root selection and sequential halving over sampled actions",

@@ -196,7 +196,7 @@ class Hoot final : public TreePlanner {
 
 constexpr ComponentDescriptor kHoot = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "hoot",
     .version = "1.0.0",
     .summary = "Tree search with hierarchical optimistic optimisation over the actions of a node",

@@ -201,7 +201,7 @@ class MctsFixed final : public Mcts {
 
 constexpr ComponentDescriptor kMctsPw = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "mcts_pw",
     .version = "1.0.0",
     .summary = "Tree search whose nodes gain actions as they gain visits (progressive widening)",
@@ -212,7 +212,7 @@ constexpr ComponentDescriptor kMctsPw = {
 
 constexpr ComponentDescriptor kMctsFixed = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "mcts_fixed",
     .version = "1.0.0",
     .summary = "Tree search with a fixed number of sampled actions at each node",

@@ -88,6 +88,15 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
   result->nodes = tree_.node_count();
   result->depth = depth;
   if (request.tree != nullptr) tree_.Report(request.tree);
+  ReportPolicy(
+      [this](auto visit) {
+        Index i = 0;
+        for (Index edge = tree_.first_child(SearchTree::kRoot); edge != SearchTree::kNone;
+             edge = tree_.next_sibling(edge)) {
+          visit(PolicyWeight(i++, edge), tree_.actions(edge, 1).row(0));
+        }
+      },
+      result);
 
   if (reuse_tree_ && !(request.explore && noise_std_ > 0)) {
     tree_.KeepSubtree(tree_.child(chosen));

@@ -81,6 +81,12 @@ class TreePlanner : public Planner {
   virtual void EndSimulation(Index leaf) noexcept { static_cast<void>(leaf); }
   // The root edge to play after the last simulation; a visited one.
   virtual Index ChoosePlayed() noexcept = 0;
+  // How much the improved policy plays the root's i-th action: its share of the visits, unless
+  // a class knows better. Called after ChoosePlayed, in any unit.
+  virtual double PolicyWeight(Index i, Index edge) const noexcept {
+    static_cast<void>(i);
+    return tree_.edge_visits(edge);
+  }
 
   // Samples actions from the actor at `node`, noisy while exploring. The draws follow
   // from the decision's seed and `stream`.

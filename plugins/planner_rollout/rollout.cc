@@ -10,7 +10,8 @@
 //     V_depth = v(s_depth),   Q = V_0,
 //
 // with gamma the model's discount of that transition. The candidate with the
-// largest Q is played, the first of equals; its Q is the value reported.
+// largest Q is played, the first of equals; its Q is the value reported, and the improved policy
+// reported is that candidate alone (the target of EfficientZero V2, Wang et al. 2024).
 #include <numeric>
 #include <vector>
 
@@ -119,6 +120,7 @@ class Rollout final : public Planner {
     result->nodes = static_cast<std::uint32_t>(batch_ * depth_ + 1);
     result->depth = static_cast<std::uint32_t>(depth_);
     if (request.tree != nullptr) Report(request.tree);
+    ReportPolicy([&](auto visit) { visit(1.0, candidate); }, result);
     return OkStatus();
   }
 
@@ -261,7 +263,7 @@ class Rollout final : public Planner {
 
 constexpr ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "rollout",
     .version = "1.0.0",
     .summary = "Many first actions, each followed by the actor; plays the best lambda-return",

@@ -6,7 +6,8 @@
 // refits mean and standard deviation to the ones with the largest returns. The
 // first action of the last mean is played; nothing is kept for the next decision.
 //
-// The value it reports is the mean return of the last elites.
+// The value it reports is the mean return of the last elites, the improved policy their first
+// actions in equal parts.
 #include <string>
 
 #include "shooting_planner.h"
@@ -67,7 +68,8 @@ class Cem final : public ShootingPlanner {
       AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise),
                           {played.data, 1, played.size});
     }
-    for (const std::uint32_t i : trajectories_.Best(elites_)) {
+    plan->policy = trajectories_.Best(elites_);
+    for (const std::uint32_t i : plan->policy) {
       plan->value += trajectories_.returns()[i] / static_cast<double>(elites_);
     }
     for (std::uint64_t j = 0; j < played.size; ++j) {
@@ -123,7 +125,7 @@ class Cem final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kCem = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "cem",
     .version = "1.0.0",
     .summary = "Cross-entropy method over action sequences, with PlaNet's settings",

@@ -11,7 +11,8 @@
 // The first action of one elite, drawn by weight, is played, or that of the mean.
 // Exploring adds noise of the plan's own standard deviation.
 //
-// The value it reports is the weighted mean return of the last elites.
+// The value it reports is the weighted mean return of the last elites, the improved policy their
+// first actions with these weights.
 #include <string>
 
 #include "shooting_planner.h"
@@ -130,6 +131,8 @@ class Mppi final : public ShootingPlanner {
       plan->std += std_[j] / static_cast<double>(played.size);
     }
     plan->iterations = iterations_;
+    plan->policy = elites;
+    plan->weights = {weights_.data(), weights_.size()};
     if (request.explore) {
       Random random(DeriveSeed(request.seed, kNoise));
       for (std::uint64_t j = 0; j < played.size; ++j) {
@@ -208,7 +211,7 @@ class Mppi final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kMppi = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "mppi",
     .version = "1.0.0",
     .summary = "Path integral control with actor proposals, bootstrap and warm start (TD-MPC2)",

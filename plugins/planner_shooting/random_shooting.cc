@@ -2,7 +2,8 @@
 // first action of the one with the largest return (Richards 2005; the baseline of
 // Nagabandi et al. 2018).
 //
-// The value it reports is that largest return.
+// The value it reports is that largest return, the improved policy that one action: a sequence is
+// imagined once, so nothing says how far the returns of others are to be trusted.
 #include "shooting_planner.h"
 
 namespace dreamsearch {
@@ -37,7 +38,8 @@ class RandomShooting final : public ShootingPlanner {
     Status status =
         trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(request.seed, kImagine));
     if (!status.ok()) return status;
-    const std::uint32_t best = trajectories_.Best(1)[0];
+    plan->policy = trajectories_.Best(1);
+    const std::uint32_t best = plan->policy[0];
     std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
     if (request.explore) {
       AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise),
@@ -56,7 +58,7 @@ class RandomShooting final : public ShootingPlanner {
 
 constexpr ComponentDescriptor kRandomShooting = {
     .kind = ComponentKind::kPlanner,
-    .traits = kSearches,
+    .traits = kSearches | kReportsPolicy,
     .name = "random_shooting",
     .version = "1.0.0",
     .summary = "Plays the first action of the best of many uniformly random sequences",

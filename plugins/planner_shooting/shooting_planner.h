@@ -30,6 +30,10 @@ struct ShootingPlan {
   double value = 0;              // the planner's estimate of the root's value
   double std = 0;                // of the first action
   std::uint64_t iterations = 1;  // times all sequences were imagined
+  // The improved policy: sequences whose first actions it plays, and their weights; empty: equal
+  // ones. Both stay until the next search.
+  View<const std::uint32_t> policy;
+  View<const double> weights;
 };
 
 class ShootingPlanner : public Planner {
@@ -62,6 +66,14 @@ class ShootingPlanner : public Planner {
     result->nodes = static_cast<std::uint32_t>(sequences * trajectories_.horizon() + 1);
     result->depth = static_cast<std::uint32_t>(trajectories_.horizon());
     if (request.tree != nullptr) trajectories_.Report(request.tree);
+    ReportPolicy(
+        [&](auto visit) {
+          for (std::uint64_t i = 0; i < plan.policy.size; ++i) {
+            visit(plan.weights.empty() ? 1 : plan.weights[i],
+                  trajectories_.actions(0).row(plan.policy[i]));
+          }
+        },
+        result);
     return OkStatus();
   }
 

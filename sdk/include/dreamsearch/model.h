@@ -109,6 +109,13 @@ struct SequenceBatch {
   View<const float> rewards;             // [B * T]
   View<const float> discounts;           // [B * T]: 0 at a terminal state, else 1
   View<const std::uint8_t> is_first;     // [B * T]: 1 at an episode's first observation
+  // The searches that the host kept, only for a model that declares kLearnsFromSearch; otherwise
+  // K is 0. A row's search is the one made from its observation: the improved policy and the
+  // value that the planner reported (PlanResult). A row whose weights sum to 0 was not searched.
+  std::uint64_t search_candidates = 0;     // K
+  MatrixView<const float> search_actions;  // [B * T * K, A]
+  View<const float> search_weights;        // [B * T * K]
+  View<const float> search_values;         // [B * T]
 };
 
 struct TrainRequest {

@@ -61,12 +61,18 @@ struct PlanRequest {
 };
 
 struct PlanResult {
-  View<double> action;            // [A], filled by Plan, each in [-1, 1]
-  View<double> metrics;           // one for each MetricSpec of the component, filled by Plan
-  double value = 0;               // the planner's estimate of the root's value
-  std::uint32_t simulations = 0;  // trajectories or tree simulations made
-  std::uint32_t nodes = 0;        // latents evaluated and kept
-  std::uint32_t depth = 0;        // most transitions from the root
+  View<double> action;   // [A], filled by Plan, each in [-1, 1]
+  View<double> metrics;  // one for each MetricSpec of the component, filled by Plan
+  // The improved policy: what the search would have the actor do at the root, before the
+  // noise of exploration on the played action. Filled by a planner that declares
+  // kReportsPolicy with its K heaviest actions, heaviest first; the weights sum to 1, rows that
+  // are not needed have weight 0. Empty: not asked for.
+  MatrixView<double> policy_actions;  // [K, A], each in [-1, 1]
+  View<double> policy_weights;        // [K]
+  double value = 0;                   // the planner's estimate of the root's value
+  std::uint32_t simulations = 0;      // trajectories or tree simulations made
+  std::uint32_t nodes = 0;            // latents evaluated and kept
+  std::uint32_t depth = 0;            // most transitions from the root
 };
 
 class Planner {

@@ -159,7 +159,45 @@ inline Status CheckPlan(const PlannerSizes& sizes, const LatentModel* model,
                  static_cast<unsigned long long>(result->metrics.size),
                  static_cast<unsigned long long>(sizes.metrics));
   }
+  if (result->policy_actions.rows != result->policy_weights.size ||
+      (!result->policy_weights.empty() && result->policy_actions.cols != sizes.action_size)) {
+    return Error(StatusCode::kInvalidArgument,
+                 "there is room for a policy of %llu actions of %llu components and %llu weights, "
+                 "expected as many of %llu or none",
+                 static_cast<unsigned long long>(result->policy_actions.rows),
+                 static_cast<unsigned long long>(result->policy_actions.cols),
+                 static_cast<unsigned long long>(result->policy_weights.size),
+                 static_cast<unsigned long long>(sizes.action_size));
+  }
   return OkStatus();
+}
+
+// Fills the policy of a result, where there is room, with the heaviest of a search's actions, the
+// earlier of equals first. each(visit) calls visit(weight, action) for every action, in the same
+// order whenever it is called; a weight is not negative, at least one is positive.
+template <typename Each>
+void ReportPolicy(Each each, PlanResult* result) noexcept {
+  double last_weight = 0, sum = 0;
+  std::uint64_t last = 0;
+  for (std::uint64_t k = 0; k < result->policy_weights.size; ++k) {
+    const View<double> kept = result->policy_actions.row(k);
+    double best_weight = 0;
+    std::uint64_t i = 0, best = 0;
+    each([&](double weight, View<const double> action) {
+      const std::uint64_t index = i++;
+      const bool reported =
+          k > 0 && (weight > last_weight || (weight == last_weight && index <= last));
+      if (reported || weight <= best_weight) return;
+      best_weight = weight;
+      best = index;
+      std::copy_n(action.data, action.size, kept.data);
+    });
+    if (best_weight == 0) std::fill_n(kept.data, kept.size, 0.0);
+    result->policy_weights[k] = last_weight = best_weight;
+    last = best;
+    sum += best_weight;
+  }
+  for (double& weight : result->policy_weights) weight /= sum;
 }
 
 // kNotFinite unless every value is finite; `what` names them.

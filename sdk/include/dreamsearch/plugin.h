@@ -45,15 +45,18 @@ enum Trait : std::uint32_t {
   // Imagine. kActorAlone: chooses by the actor alone, exploration aside, so that its
   // episodes are those without search and are played once; excludes kSearches. A planner
   // with neither (random actions) is compared with the actor alone, as a search is.
+  // kReportsPolicy: fills the policy of PlanResult where there is room.
   kSearches = 1u << 0,
   kActorAlone = 1u << 1,
   // Models. kLearns: Train changes it; of a model without it Train is never called.
   // kNeedsEnvironment: see ModelContext::environment. kDefault: a command that names no
   // model takes this one; to train the one that learns, to play without a trained run the
-  // one that does not.
+  // one that does not. kLearnsFromSearch: Train uses the searches of a SequenceBatch.
   kLearns = 1u << 2,
   kNeedsEnvironment = 1u << 3,
   kDefault = 1u << 4,
+  kReportsPolicy = 1u << 5,
+  kLearnsFromSearch = 1u << 6,
 };
 
 // The bits that a component of that kind may have.
@@ -62,9 +65,9 @@ constexpr std::uint32_t TraitsOf(ComponentKind kind) noexcept {
     case ComponentKind::kEnvironment:
       return 0;
     case ComponentKind::kModel:
-      return kLearns | kNeedsEnvironment | kDefault;
+      return kLearns | kNeedsEnvironment | kDefault | kLearnsFromSearch;
     case ComponentKind::kPlanner:
-      return kSearches | kActorAlone;
+      return kSearches | kActorAlone | kReportsPolicy;
   }
   return 0;
 }

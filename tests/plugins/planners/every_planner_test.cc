@@ -88,6 +88,81 @@ TEST_P(EveryPlanner, ReturnsAFiniteActionInItsBounds) {
   }
 }
 
+// Of a planner that reports it. The actions are among those it tried at the root.
+TEST_P(EveryPlanner, ReportsTheHeaviestActionsOfAPolicy) {
+  if ((GetParam()->traits & kReportsPolicy) == 0) GTEST_SKIP() << "reports no policy";
+  ScriptedModel model = Drift();
+  LoadedPlanner planner(*GetParam(), &model);
+  const ScriptedState root = Start();
+  for (const bool explore : {false, true}) {
+    for (const std::uint64_t size : {1, 3, 2000}) {
+      ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+      const Decision decision =
+          planner.Plan(AsLatents(root), {.explore = explore, .seed = 5, .policy = size});
+      ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+      double sum = 0;
+      for (std::uint64_t k = 0; k < size; ++k) {
+        const double weight = decision.policy_weights[k];
+        const std::vector<double>& action = decision.policy_actions[k];
+        ASSERT_GE(weight, 0);
+        EXPECT_LE(weight, k == 0 ? 1 + 1e-12 : decision.policy_weights[k - 1]);
+        sum += weight;
+        if (weight == 0) {
+          EXPECT_EQ(action, std::vector<double>(action.size(), 0.0));
+          continue;
+        }
+        for (const double a : action) EXPECT_LE(std::abs(a), 1);
+        EXPECT_TRUE(
+            std::any_of(decision.tree.begin(), decision.tree.end(),
+                        [&](const Edge& edge) { return edge.parent == -1 && edge.a == action; }))
+            << "action " << k << " was not tried";
+      }
+      EXPECT_NEAR(sum, 1, 1e-12);
+    }
+  }
+}
+
+// Fewer actions are the first of more, in the same proportions, and nothing else changes.
+TEST_P(EveryPlanner, DecidesAlikeHoweverMuchOfItsPolicyIsAskedFor) {
+  ScriptedModel model = Drift();
+  LoadedPlanner planner(*GetParam(), &model);
+  const ScriptedState root = Start();
+  std::vector<Decision> decisions;
+  for (const std::uint64_t size : {0, 2, 2000}) {
+    ASSERT_TRUE(planner->BeginEpisode(&model).ok());
+    decisions.push_back(planner.Plan(AsLatents(root), {.explore = true, .policy = size}));
+    ASSERT_TRUE(decisions.back().status.ok()) << decisions.back().status.message;
+    EXPECT_EQ(decisions.back().action, decisions.front().action);
+    EXPECT_EQ(decisions.back().metrics, decisions.front().metrics);
+    EXPECT_EQ(decisions.back().result.value, decisions.front().result.value);
+  }
+  if ((GetParam()->traits & kReportsPolicy) == 0) return;
+  const Decision &few = decisions[1], &all = decisions[2];
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(few.policy_actions[k], all.policy_actions[k]);
+    EXPECT_NEAR(few.policy_weights[k] * all.policy_weights[0],
+                all.policy_weights[k] * few.policy_weights[0], 1e-12);
+  }
+}
+
+TEST_P(EveryPlanner, RefusesARoomForItsPolicyThatDoesNotFit) {
+  ScriptedModel model = Drift();
+  LoadedPlanner planner(*GetParam(), &model);
+  const ScriptedState root = Start();
+  std::vector<double> action(2), metrics(GetParam()->metrics.size), actions(6), weights(3);
+  PlanResult result;
+  result.action = {action.data(), 2};
+  result.metrics = {metrics.data(), metrics.size()};
+  result.policy_weights = {weights.data(), 3};
+  PlanRequest request;
+  request.root = AsLatents(root);
+  for (const MatrixView<double> room :
+       {MatrixView<double>{actions.data(), 2, 2}, MatrixView<double>{actions.data(), 3, 1}}) {
+    result.policy_actions = room;
+    EXPECT_EQ(planner->Plan(request, &result).code, StatusCode::kInvalidArgument);
+  }
+}
+
 TEST_P(EveryPlanner, PicksTheKnownActionOfTheChain) {
   ScriptedModel model = Chain::Model(/*wrong_mode=*/Searches(GetParam()));
   LoadedPlanner planner(*GetParam(), &model);

@@ -46,6 +46,29 @@ TEST(Gumbel, SequentialHalvingSpendsVisitsOnTheBetterHalf) {
 
 // Whatever the numbers, the simulations are all spent and no visit count differs by
 // more than a phase's from what halving allows: counts never grow with the rank.
+// ln of the weights is linear in Q, with the slope of sigma: the noise of the root has no part.
+TEST(Gumbel, ThePolicyIsTheSoftmaxOfTheRootsQs) {
+  ScriptedModel model = Numbered();
+  LoadedPlanner planner("mcts_gumbel", &model,
+                        {{"simulations", 16}, {"root_actions", 4}, {"children", 2}});
+  const Decision decision = planner.Plan(AsLatents(kRoot), {.policy = 4});
+  ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+  double low = 1, high = -1;
+  for (const Edge& edge : decision.tree) {
+    if (edge.visits == 0) continue;
+    low = std::min(low, edge.q);
+    high = std::max(high, edge.q);
+  }
+  // 6 visits of the better two.
+  const double slope = (50 + 6) * 0.1 / (high - low);
+  for (std::size_t k = 1; k < 4; ++k) {
+    const double step = decision.policy_actions[k - 1][0] - decision.policy_actions[k][0];
+    EXPECT_NEAR(step, 0.01, 1e-12);
+    EXPECT_NEAR(std::log(decision.policy_weights[k - 1] / decision.policy_weights[k]), slope * step,
+                1e-9);
+  }
+}
+
 TEST(Gumbel, AnyBudgetIsSpentInFull) {
   for (const int simulations : {1, 2, 3, 7, 50, 113}) {
     for (const int actions : {1, 2, 3, 5, 16, 200}) {

@@ -95,12 +95,15 @@ struct Decision {
   std::vector<double> metrics;
   PlanResult result;
   std::vector<Edge> tree;
+  std::vector<std::vector<double>> policy_actions;
+  std::vector<double> policy_weights;
 };
 
 struct PlanOptions {
   bool explore = false;
   std::uint64_t seed = 1;
   bool tree = true;
+  std::uint64_t policy = 0;  // actions of the improved policy to be asked for
 };
 
 class LoadedPlanner {
@@ -131,6 +134,12 @@ class LoadedPlanner {
     decision.metrics.assign(component_.metrics.size, -7);
     decision.result.action = {decision.action.data(), decision.action.size()};
     decision.result.metrics = {decision.metrics.data(), decision.metrics.size()};
+    std::vector<double> policy_actions(options.policy * action_size_, -7);
+    decision.policy_weights.assign(options.policy, -7);
+    if (options.policy > 0) {
+      decision.result.policy_actions = {policy_actions.data(), options.policy, action_size_};
+      decision.result.policy_weights = {decision.policy_weights.data(), options.policy};
+    }
     CollectTree tree;
     PlanRequest request;
     request.root = root;
@@ -139,6 +148,11 @@ class LoadedPlanner {
     request.tree = options.tree ? &tree : nullptr;
     decision.status = planner_->Plan(request, &decision.result);
     decision.tree = std::move(tree.edges);
+    for (auto at = policy_actions.begin(); at != policy_actions.end();) {
+      const auto end = at + static_cast<std::ptrdiff_t>(action_size_);
+      decision.policy_actions.emplace_back(at, end);
+      at = end;
+    }
     return decision;
   }
 

@@ -324,6 +324,31 @@ TEST(Mcts, PlaysTheLargestQNotTheMostVisits) {
   }
 }
 
+TEST(Mcts, ThePolicyIsTheRootsVisitShares) {
+  for (const char* name : {"mcts_pw", "mcts_fixed", "hoot"}) {
+    ScriptedModel model = LinearQuadratic::Model();
+    LoadedPlanner planner(name, &model);
+    ScriptedState root;
+    root.x[0] = LinearQuadratic::kStart;
+    const Decision decision = planner.Plan(AsLatents(root), {.policy = 100});
+    ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+    std::size_t k = 0;
+    for (const Edge& edge : decision.tree) {
+      if (edge.parent != -1 || edge.visits == 0) continue;
+      const auto found =
+          std::find(decision.policy_actions.begin(), decision.policy_actions.end(), edge.a);
+      ASSERT_NE(found, decision.policy_actions.end());
+      EXPECT_NEAR(
+          decision
+              .policy_weights[static_cast<std::size_t>(found - decision.policy_actions.begin())],
+          static_cast<double>(edge.visits) / 50, 1e-12);
+      ++k;
+    }
+    ASSERT_GT(k, 1u) << name;
+    EXPECT_EQ(decision.policy_weights[k], 0) << name;
+  }
+}
+
 TEST(Mcts, PuctScaleZeroIsGreedy) {
   ScriptedModel model = Bandit([](double a) { return a; }, 0);
   LoadedPlanner planner("mcts_fixed", &model, {{"puct_scale", 0.0}, {"simulations", 30}});

@@ -103,6 +103,37 @@ TEST(Cem, RefitsToTheElites) {
 
 // 10 refits to the best tenth shrink the deviation by about 5 each (the density
 // near the optimum is flat, so a tenth of the candidates span a tenth of it).
+// What they play without exploring is the mean of the policy that they report.
+TEST(Shooting, ThePolicyHasTheMeanThatIsPlayed) {
+  for (const char* name : {"cem", "mppi"}) {
+    ScriptedModel model = LinearQuadratic::Model();
+    Settings settings = {{"candidates", 40}, {"elites", 10}};
+    if (name == std::string("mppi")) settings.push_back({"play", "mean"});
+    LoadedPlanner planner(name, &model, settings);
+    ScriptedState root;
+    root.x[0] = LinearQuadratic::kStart;
+    const Decision decision = planner.Plan(AsLatents(root), {.policy = 12});
+    ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+    double mean = 0;
+    for (std::size_t k = 0; k < 12; ++k) {
+      mean += decision.policy_weights[k] * decision.policy_actions[k][0];
+      EXPECT_EQ(decision.policy_weights[k] > 0, k < 10) << name;
+    }
+    EXPECT_NEAR(mean, decision.action[0], 1e-12) << name;
+  }
+}
+
+TEST(Shooting, BestSingleActionsAreTheirWholePolicy) {
+  for (const char* name : {"random_shooting", "rollout"}) {
+    ScriptedModel model = LinearQuadratic::Model();
+    LoadedPlanner planner(name, &model);
+    const Decision decision = planner.Plan(AsLatents(kRoot), {.policy = 3});
+    ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+    EXPECT_EQ(decision.policy_actions[0], decision.action) << name;
+    EXPECT_EQ(decision.policy_weights, (std::vector<double>{1, 0, 0})) << name;
+  }
+}
+
 TEST(Cem, ConvergesOnAQuadratic) {
   for (const double optimum : {-0.9, 0.0, 0.5}) {
     ScriptedModel model =
