@@ -138,6 +138,8 @@ void Behaviour<T>::EndDream(DreamLosses* losses) {
     losses->value_mean += lane.losses.value_mean;
     losses->entropy += lane.losses.entropy;
     losses->actor_std += lane.losses.actor_std;
+    losses->imitation += lane.losses.imitation;
+    losses->searched += lane.losses.searched;
   }
   const auto starts = static_cast<double>(input_.starts.size);
   const double mean = 1.0 / (starts * static_cast<double>(settings_.horizon));
@@ -147,6 +149,8 @@ void Behaviour<T>::EndDream(DreamLosses* losses) {
   losses->value_mean *= mean;
   losses->entropy *= mean;
   losses->actor_std *= mean;
+  if (losses->searched > 0) losses->imitation /= losses->searched;
+  losses->searched /= starts;
 }
 
 template <typename T>
@@ -236,6 +240,17 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
     losses->value_mean += static_cast<double>(values(0, j));
     losses->entropy += static_cast<double>(entropy(0, j));
   }
+  lane->imitation.Begin(input.batch, shape_, a_, n);
+  for (Index j = 0; j < m; ++j) {
+    const Index row = RowOf(first + j);
+    if (!Searched(input.batch, row)) continue;
+    const double factor = settings_.search_policy_weight * static_cast<double>(horizon);
+    const double nll = lane->imitation.Add(row, factor * static_cast<double>(mean), In<T>(squashed),
+                                           In<T>(std), j);
+    losses->actor += factor * nll;  // a sum over H decisions
+    losses->imitation += nll;
+    losses->searched += 1;
+  }
   for (Index j = 0; j < m; ++j) losses->imagined_return += static_cast<double>(returns[j]);
   for (Index j = 0; j < n; ++j) {
     T column = 0;
@@ -281,7 +296,7 @@ void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
   const Mat<T> d_raw = lane->d_raw.Shape(2 * a_, n);
   ActorBackward<T>(left(lane->squashed, a_), left(lane->std, a_), left(lane->actions, a_),
                    left(lane->action_noise, a_), shape_, left(lane->d_actions, a_),
-                   left(lane->entropy_weights, 1), d_raw);
+                   left(lane->entropy_weights, 1), lane->imitation.gradient(), d_raw);
   actor_.Backward(actor_group_.training(&lane->rounded_scratch), states, 0, lane->actor_tape,
                   In<T>(d_raw), &lane->scratch, lane->actor_gradient.data(), Mat<T>());
 
@@ -299,7 +314,11 @@ void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
   }
   const Mat<T> d_outputs = left(lane->d_values, 1);
   for (Index j = 0; j < n; ++j) {
-    const T error = outputs(0, j) - targets[j] / scale;
+    const T target = j < lane->block_count
+                         ? WithSearchValue(input.batch, RowOf(lane->block_first + j),
+                                           settings_.search_value_weight, targets[j])
+                         : targets[j];
+    const T error = outputs(0, j) - target / scale;
     const T drift = slow_weight > 0 ? outputs(0, j) - slow(0, j) : T(0);
     const T w = weights(0, j);
     lane->losses.value +=

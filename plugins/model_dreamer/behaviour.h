@@ -10,6 +10,10 @@
 //   value loss  mean( w_tau 0.5 (((v(s_tau) - V_tau) / value_scale)^2 +
 //                                slow_critic_weight ((v(s_tau) - v'(s_tau)) / value_scale)^2) )
 //
+// Where a start was searched (SequenceBatch), the actor loss also has search_policy_weight times
+// the mean over starts of the candidates' nll at s_0 (search_targets.h), and V_0 in the value loss
+// is mixed with the value that the search found, share search_value_weight.
+//
 // The mean is over starts and tau = 0 .. H - 1. S is the return scale. The actor's
 // input is gradient-stopped; its gradient comes through the actions, back through
 // the frozen world model and critic; V_tau and the slow critic v' are fixed in the value
@@ -23,6 +27,7 @@
 #include "plugins/model_dreamer/world_model.h"
 #include "plugins/networks/layers.h"
 #include "plugins/networks/learning.h"
+#include "plugins/networks/search_targets.h"
 #include "plugins/networks/task_threads.h"
 
 namespace dreamsearch::dreamer {
@@ -53,6 +58,8 @@ struct DreamLosses {
   double value_mean = 0;       // mean of v(s_tau)
   double entropy = 0;          // mean of - ln pi(a_tau)
   double actor_std = 0;        // mean before tanh
+  double imitation = 0;        // mean nll of the starts that were searched
+  double searched = 0;         // share of these
 };
 
 // What the losses treat as constants although it depends on the parameters: the
@@ -75,6 +82,7 @@ struct DreamInput {
   Mat<const T> latent_noise;             // [Z, K * H]
   Mat<const T> action_noise;             // [A, K * H]
   double return_scale = 1;               // S
+  SequenceBatch batch;                   // whose columns the states are, time-major
   const DreamStops<T>* stops = nullptr;  // hold these fixed; of a dream in one block
 };
 
@@ -97,6 +105,7 @@ struct DreamLane {
   Buffer<T> states, action_noise, raw, squashed, std, actions, entropy, rewards, logits, discounts,
       values, outputs, slow_outputs, weights, d_states, d_returns, d_rewards, d_discounts, d_values,
       d_actions, d_raw, entropy_weights;
+  Imitation<T> imitation;
 };
 
 template <typename T>
@@ -146,6 +155,12 @@ class Behaviour {
   void Sample(In<T> states, Index count, In<T> noise, Mat<T> actions);
 
  private:
+  // The batch's row of a start.
+  Index RowOf(Index start) const {
+    const Index column = input_.starts.data[start];
+    const auto sequences = static_cast<Index>(input_.batch.sequences);
+    return column % sequences * static_cast<Index>(input_.batch.length) + column / sequences;
+  }
   // Dreams of the lane's block, and takes the returns' gradient back to the actions.
   void DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane);
   // Both losses' gradients in the weights, from what DreamBlock left.

@@ -25,6 +25,8 @@ constexpr MetricSpec kMetrics[] = {
     {"actor_std", "", "mean deviation of the actor before tanh"},
     {"prior_std", "", "mean deviation of the prior"},
     {"posterior_std", "", "mean deviation of the posterior"},
+    {"imitation_loss", "nats", "of the search's candidates, mean over the starts searched"},
+    {"searched", "", "share of the dreams' starts that were searched"},
 };
 constexpr std::size_t kMetricCount = sizeof kMetrics / sizeof *kMetrics;
 
@@ -101,7 +103,9 @@ Status Dreamer::Update(const TrainRequest& request, double* metrics) {
                                        losses.dream.entropy,
                                        losses.dream.actor_std,
                                        losses.fit.prior_std,
-                                       losses.fit.posterior_std};
+                                       losses.fit.posterior_std,
+                                       losses.dream.imitation,
+                                       losses.dream.searched};
   std::copy(values, values + kMetricCount, metrics);
   return status;
 }

@@ -54,6 +54,7 @@ template <typename T>
 Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   const Status status = CheckSequences(batch, o_, a_);
   if (!status.ok()) return status;
+  update_batch_ = batch;
   const auto count = static_cast<Index>(batch.sequences);
   const auto length = static_cast<Index>(batch.length);
   const Index n = count * length;
@@ -158,6 +159,7 @@ Index Learner<T>::BeginDream(const DreamStops<T>* stops) {
   input.action_noise = action_noise_.Shape(a_, count * settings_.horizon);
   input.return_scale = settings_.percentile_return_scale ? return_scale_.divisor() : 1.0;
   input.stops = stops;
+  input.batch = update_batch_;
   lanes_ = behaviour_.BeginDream(input);
   return 2 * lanes_ + 2;
 }
@@ -247,42 +249,18 @@ Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
 }
 
 template <typename T>
-SavedHeader<T> Learner<T>::Header() const {
-  return {kSavedMagic, o_, a_, {&world_.group(), &behaviour_.actor(), &behaviour_.value()}};
-}
-
-template <typename T>
-Status Learner<T>::Save(ByteSink* sink) const {
-  const SavedHeader<T> header = Header();
-  Status status = header.Write(sink);
-  if (status.ok()) status = WriteValue(sink, updates_);
-  if (status.ok()) status = WriteValue(sink, statistics_.batches);
-  if (status.ok()) status = WriteValue(sink, return_scale_.range);
-  if (status.ok()) status = statistics_.Write(sink);
-  if (status.ok()) status = WriteGroups(sink, header.groups);
-  if (status.ok()) status = WriteArray(sink, behaviour_.slow().data(), behaviour_.value().size());
-  return status;
+LearnerState<T> Learner<T>::State() {
+  LearnerState<T> state{kSavedMagic, o_, a_, &return_scale_, &statistics_, &behaviour_.slow()};
+  state.groups = {&world_.group(), &behaviour_.actor(), &behaviour_.value()};
+  state.counters = {&updates_};
+  return state;
 }
 
 template <typename T>
 Status Learner<T>::Load(ByteSource* source) {
-  Status status = Header().Read("dreamer", source);
-  if (status.ok()) status = ReadValue(source, &updates_);
-  if (status.ok()) status = ReadValue(source, &statistics_.batches);
-  if (status.ok()) status = ReadValue(source, &return_scale_.range);
-  if (status.ok()) status = statistics_.Read(source);
-  if (status.ok()) {
-    status = ReadGroups<T>(source, {&world_.group(), &behaviour_.actor(), &behaviour_.value()});
-  }
-  if (status.ok()) status = ReadArray(source, behaviour_.slow().data(), behaviour_.value().size());
+  const Status status = State().Load("dreamer", source);
   PackWeights();
   return status;
-}
-
-template <typename T>
-Status Learner<T>::Export(TensorSink* sink) const {
-  const Status status = ExportGroups(sink, Header().groups);
-  return status.ok() ? statistics_.Export(sink) : status;
 }
 
 template class Learner<float>;

@@ -49,8 +49,8 @@ class Learner {
   // inside a sequence.
   Status Update(const TrainRequest& request, UpdateLosses* losses);
 
-  // Its parts, in order. Read takes the batch and the draws of `seed`. Gradients may be
-  // called again after a parameter has changed and PackWeights; it is FitGradients, then
+  // Its parts, in order. Read takes the batch, which must stay, and the draws of `seed`. Gradients
+  // may be called again after a parameter has changed and PackWeights; it is FitGradients, then
   // DreamGradients with the dream's constants held at `stops`, but all of them on the
   // threads at once.
   Status Read(const SequenceBatch& batch, std::uint64_t seed);
@@ -69,13 +69,12 @@ class Learner {
     Standardise(statistics_, standardisation(), observations, x);
   }
 
-  Status Save(ByteSink* sink) const;
+  Status Save(ByteSink* sink) const { return const_cast<Learner*>(this)->State().Save(sink); }
   Status Load(ByteSource* source);
-  // Every tensor in single precision, a weight as [out, in], slowest first.
-  Status Export(TensorSink* sink) const;
+  Status Export(TensorSink* sink) const { return const_cast<Learner*>(this)->State().Export(sink); }
 
  private:
-  SavedHeader<T> Header() const;
+  LearnerState<T> State();
   Standardisation standardisation() const {
     return {settings_.normalise_observations, settings_.observation_floor,
             settings_.observation_clip};
@@ -96,6 +95,7 @@ class Learner {
 
   // The batch being learned from.
   ObservationStatistics next_statistics_;
+  SequenceBatch update_batch_;
   Sequences<T> batch_;
   std::vector<Index> starts_;  // columns of the posterior, ascending
   std::vector<Index> firsts_;  // see Sequences

@@ -10,7 +10,7 @@ using dreamsearch::ComponentKind;
 
 const ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kModel,
-    .traits = dreamsearch::kLearns | dreamsearch::kDefault,
+    .traits = dreamsearch::kLearns | dreamsearch::kDefault | dreamsearch::kLearnsFromSearch,
     .name = "dreamer",
     .version = DREAMSEARCH_VERSION,
     .summary = "recurrent state-space model with actor and critic trained in its dreams",

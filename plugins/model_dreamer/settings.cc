@@ -117,6 +117,10 @@ constexpr ParameterSpec kParameters[] = {
         .Preset("paper", 0),
     RealParameter("slow_critic_rate", 0.02, 0, 1, "",
                   "How far the slow copy follows the value at each update. [v3]"),
+    RealParameter("search_policy_weight", 0.1, 0, 1e3, "",
+                  "Factor of the actor's imitation of searches (run.search_targets). [ours]"),
+    RealParameter("search_value_weight", 0.25, 0, 1, "",
+                  "Share of a search's value in the critic's target of the state searched. [ours]"),
 
     RealParameter("model_learning_rate", 6e-4, 0, 1, "",
                   "Adam's rate of the world model. [paper: 6e-4]"),
@@ -191,6 +195,8 @@ Settings SettingsFrom(const Parameters& p, bool terminates) {
   s.value_scale = p.GetReal("value_scale");
   s.slow_critic_weight = p.GetReal("slow_critic_weight");
   s.slow_critic_rate = p.GetReal("slow_critic_rate");
+  s.search_policy_weight = p.GetReal("search_policy_weight");
+  s.search_value_weight = p.GetReal("search_value_weight");
   s.model_learning_rate = p.GetReal("model_learning_rate");
   s.actor_learning_rate = p.GetReal("actor_learning_rate");
   s.value_learning_rate = p.GetReal("value_learning_rate");

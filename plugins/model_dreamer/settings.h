@@ -58,6 +58,8 @@ struct Settings {
   double value_scale{};
   double slow_critic_weight{};
   double slow_critic_rate{};
+  double search_policy_weight{};
+  double search_value_weight{};
 
   // Optimiser.
   double model_learning_rate{};

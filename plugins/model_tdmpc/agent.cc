@@ -104,7 +104,7 @@ void Agent<T>::Imagine(In<T> latents, In<T> actions, Memory<T>* memory, Mat<T> n
   Copy<T>(dynamics.Last(memory->dynamics_tape), next);
   Evaluate(model, reward, In<T>(inputs), memory, rewards);
   std::fill(discounts, discounts + n, settings.discount);
-  if (!ends_seen) return;
+  if (ends_seen == 0) return;
   const Mat<T> logits = memory->logits.Shape(1, n);
   continuation.Reserve(n, &memory->head_tape);
   continuation.Forward(model, In<T>(next), 0, &memory->head_tape, logits);

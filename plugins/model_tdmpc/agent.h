@@ -73,8 +73,8 @@ struct Agent {
       ParameterGroup<T>("actor")};
   Mlp encoder, dynamics, reward, continuation, actor;
   std::vector<Mlp> critics;
-  SlowCopy<T> target;      // of the critics
-  bool ends_seen = false;  // a batch had an episode that ended early
+  SlowCopy<T> target;           // of the critics
+  std::uint64_t ends_seen = 0;  // 1: a batch had an episode that ended early
 };
 
 }  // namespace dreamsearch::tdmpc

@@ -19,6 +19,12 @@ Mat<T> NoiseOf(const Step<T>& step, const Buffer<T>& drawn, Index steps, Lane<T>
   return own;
 }
 
+// The batch's row of a time-major column.
+template <typename T>
+Index RowOf(const Step<T>& step, const Lane<T>& lane, Index column) {
+  return (lane.first + column % lane.count) * (step.horizon + 1) + column / lane.count;
+}
+
 template <typename T>
 void LearnModel(const Step<T>& step, const Stops<T>* stops, Lane<T>* lane) {
   const Agent<T>& agent = *step.agent;
@@ -64,8 +70,10 @@ void LearnModel(const Step<T>& step, const Stops<T>* stops, Lane<T>* lane) {
     }
   }
   for (Index j = 0; j < n; ++j) {
+    const T value = WithSearchValue(step.batch, RowOf(step, *lane, b + j),
+                                    settings.search_value_weight, targets(0, j));
     targets(0, j) = lane->rewards.data()[j] +
-                    static_cast<T>(settings.discount) * lane->continues.data()[j] * targets(0, j);
+                    static_cast<T>(settings.discount) * lane->continues.data()[j] * value;
     if (decay[j] > 0) losses[kTargetMean] += mean * static_cast<double>(targets(0, j));
   }
   if (stops != nullptr) std::copy(stops->targets.begin(), stops->targets.end(), targets.data);
@@ -149,6 +157,8 @@ void LearnActor(const Step<T>& step, Lane<T>* lane) {
   const Mat<T> noise = NoiseOf(step, step.actor_noise, horizon + 1, lane);
   agent.ActAt(actor, In<T>(inputs.Rows(0, l)), noise, inputs, lane);
   const Mat<T> entropy(lane->entropy.data(), 1, n), std(lane->std.data(), a, n);
+  const In<T> squashed(lane->squashed.data(), a, n);
+  lane->imitation.Begin(step.batch, agent.shape, a, n);
 
   // The critics' mean value, and its gradient in the actions.
   const T* decay = lane->latent_decay.data();
@@ -171,6 +181,13 @@ void LearnActor(const Step<T>& step, Lane<T>* lane) {
     for (Index i = 0; i < a; ++i) {
       losses[kActorStd] += mean * static_cast<double>(std(i, j)) / static_cast<double>(a);
     }
+    const Index row = RowOf(step, *lane, j);
+    if (!Searched(step.batch, row)) continue;
+    const double factor = weight * settings.search_policy_weight;
+    const double nll = lane->imitation.Add(row, factor, squashed, std, j);
+    losses[kActorLoss] += factor * nll;
+    losses[kImitationLoss] += mean * nll;
+    losses[kSearched] += mean;
   }
   for (const Mlp& head : agent.critics) {
     agent.Evaluate(critic, head, In<T>(inputs), lane, values);
@@ -189,8 +206,8 @@ void LearnActor(const Step<T>& step, Lane<T>* lane) {
                   static_cast<T*>(nullptr), d_inputs);
   }
   const Mat<T> d_raw = lane->d_raw.Shape(2 * a, n);
-  ActorBackward<T>(In<T>(lane->squashed.data(), a, n), std, In<T>(lane->actions.data(), a, n),
-                   noise, agent.shape, d_inputs.Rows(l, a), weights, d_raw);
+  ActorBackward<T>(squashed, std, In<T>(lane->actions.data(), a, n), noise, agent.shape,
+                   d_inputs.Rows(l, a), weights, lane->imitation.gradient(), d_raw);
   agent.actor.Backward(actor, In<T>(inputs.Rows(0, l)), 0, lane->actor_tape, In<T>(d_raw),
                        &lane->scratch, lane->gradients[kActor].data(), Mat<T>());
 }

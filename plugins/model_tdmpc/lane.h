@@ -6,7 +6,11 @@
 //   model loss  sum_t rho^t / H ( w_c mean (z_{t+1} - h(o_{t+1}))^2 + w_r CE(R(z_t, a_t), r_t)
 //                                 + w_q mean_k CE(Q_k(z_t, a_t), y_t) ) + w_e BCE(continuation)
 //   y_t = r_t + gamma c_t min_k Q'_k(h(o_{t+1}), a'),  a' ~ pi(h(o_{t+1})),  c_t 0 at an end
-//   actor loss  - sum_t rho^t / (H + 1) mean ( mean_k Q_k(z_t, a) / S + e A (- ln pi(a | z_t)) )
+//   actor loss  - sum_t rho^t / (H + 1) mean ( mean_k Q_k(z_t, a) / S + e A (- ln pi(a | z_t))
+//                                              - w_p nll(z_t) )
+//
+// Where o_{t+1} was searched, the least Q' is mixed with the value that the search found, share
+// w_v; nll of the candidates is that of search_targets.h, 0 where o_t was not searched.
 //
 // Means are over the batch; where an episode ends inside a sequence, the steps from there on
 // count for nothing. h(o_{t+1}), y_t and the actor's z_t are fixed; Q' are the slow
@@ -19,6 +23,7 @@
 
 #include "dreamsearch/model.h"
 #include "plugins/model_tdmpc/agent.h"
+#include "plugins/networks/search_targets.h"
 
 namespace dreamsearch::tdmpc {
 
@@ -36,6 +41,8 @@ enum Loss : std::size_t {
   kValueMean,
   kEntropy,
   kActorStd,
+  kImitationLoss,
+  kSearched,
   kLosses
 };
 using UpdateLosses = std::array<double, kLosses>;
@@ -54,6 +61,8 @@ inline constexpr MetricSpec kMetrics[] = {
     {"value_mean", "", "mean value of the imagined states"},
     {"actor_entropy", "nats", "mean of minus the log density of the actor's actions"},
     {"actor_std", "", "mean deviation of the actor before tanh"},
+    {"imitation_loss", "nats", "of the search's candidates, mean over the states searched"},
+    {"searched", "", "share of the actor's states that were searched"},
 };
 static_assert(std::size(kMetrics) == kLosses);
 
@@ -94,9 +103,10 @@ struct Lane : Memory<T> {
   Buffer<T> step_decay, latent_decay;  // [1, H * count], [1, (H + 1) * count]
   Buffer<T> observations, rewards, continues, encoded, next_inputs, noise, values, targets, weights,
       d_inputs, d_values, d_raw;
+  Imitation<T> imitation;
 };
 
-// Leaves the lane's losses and gradients.
+// Leaves the lane's losses and gradients; kImitationLoss is still a sum.
 template <typename T>
 void LearnIn(const Step<T>& step, const Stops<T>* stops, Lane<T>* lane);
 

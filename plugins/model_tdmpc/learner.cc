@@ -46,8 +46,8 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   const auto sequences = static_cast<Index>(batch.sequences);
   // What is known with this batch; it becomes current in Apply.
   next_statistics_.Include(statistics_, batch.observations);
-  step_.ends_seen = agent_.ends_seen || std::find(batch.discounts.begin(), batch.discounts.end(),
-                                                  0.0f) != batch.discounts.end();
+  const auto& goes_on = batch.discounts;
+  step_.ends_seen = agent_.ends_seen != 0 || std::count(goes_on.begin(), goes_on.end(), 0.0f) > 0;
 
   step_.steps.assign(batch.sequences, horizon);
   for (Index j = sequences * (horizon + 1); j-- > 0;) {
@@ -110,6 +110,7 @@ void Learner<T>::Gradients(UpdateLosses* losses, const Stops<T>* stops) {
                           settings_.reward_weight * (*losses)[kRewardLoss] +
                           settings_.value_weight * (*losses)[kValueLoss] +
                           settings_.continuation_weight * (*losses)[kContinuationLoss];
+  if ((*losses)[kSearched] > 0) (*losses)[kImitationLoss] /= (*losses)[kSearched];
   (*losses)[kModelNorm] = std::hypot(norms[kEncoder], std::hypot(norms[kModel], norms[kCritic]));
   (*losses)[kActorNorm] = norms[kActor];
 }
@@ -152,7 +153,7 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
   });
   return_scale_.Include(&first_values_, settings_.return_scale_rate, updates_ == 1);
   std::swap(statistics_, next_statistics_);
-  agent_.ends_seen = step_.ends_seen;
+  agent_.ends_seen = step_.ends_seen ? 1 : 0;
 }
 
 template <typename T>
@@ -166,53 +167,18 @@ Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
 }
 
 template <typename T>
-SavedHeader<T> Learner<T>::Header() const {
-  return {kSavedMark,
-          o_,
-          a_,
-          {&agent_.groups[kEncoder], &agent_.groups[kModel], &agent_.groups[kCritic],
-           &agent_.groups[kActor]}};
-}
-
-template <typename T>
-Status Learner<T>::Save(ByteSink* sink) const {
-  const SavedHeader<T> header = Header();
-  Status status = header.Write(sink);
-  if (status.ok()) status = WriteValue(sink, updates_);
-  if (status.ok()) status = WriteValue(sink, static_cast<std::uint64_t>(agent_.ends_seen));
-  if (status.ok()) status = WriteValue(sink, statistics_.batches);
-  if (status.ok()) status = WriteValue(sink, return_scale_.range);
-  if (status.ok()) status = statistics_.Write(sink);
-  if (status.ok()) status = WriteGroups(sink, header.groups);
-  if (status.ok())
-    status = WriteArray(sink, agent_.target.values().data(), agent_.groups[kCritic].size());
-  return status;
+LearnerState<T> Learner<T>::State() {
+  LearnerState<T> state{kSavedMark, o_, a_, &return_scale_, &statistics_, &agent_.target.values()};
+  for (ParameterGroup<T>& group : agent_.groups) state.groups.push_back(&group);
+  state.counters = {&updates_, &agent_.ends_seen};
+  return state;
 }
 
 template <typename T>
 Status Learner<T>::Load(ByteSource* source) {
-  std::uint64_t ends_seen = 0;
-  Status status = Header().Read("tdmpc", source);
-  if (status.ok()) status = ReadValue(source, &updates_);
-  if (status.ok()) status = ReadValue(source, &ends_seen);
-  if (status.ok()) status = ReadValue(source, &statistics_.batches);
-  if (status.ok()) status = ReadValue(source, &return_scale_.range);
-  if (status.ok()) status = statistics_.Read(source);
-  if (status.ok()) {
-    status = ReadGroups<T>(source, {&agent_.groups[kEncoder], &agent_.groups[kModel],
-                                    &agent_.groups[kCritic], &agent_.groups[kActor]});
-  }
-  if (status.ok())
-    status = ReadArray(source, agent_.target.values().data(), agent_.groups[kCritic].size());
-  agent_.ends_seen = ends_seen != 0;
+  const Status status = State().Load("tdmpc", source);
   agent_.Pack();
   return status;
-}
-
-template <typename T>
-Status Learner<T>::Export(TensorSink* sink) const {
-  const Status status = ExportGroups(sink, Header().groups);
-  return status.ok() ? statistics_.Export(sink) : status;
 }
 
 template class Learner<float>;

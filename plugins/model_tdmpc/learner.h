@@ -45,15 +45,15 @@ class Learner {
     Standardise(statistics_, standardisation(), observations, x);
   }
 
-  Status Save(ByteSink* sink) const;
+  Status Save(ByteSink* sink) const { return const_cast<Learner*>(this)->State().Save(sink); }
   Status Load(ByteSource* source);
-  Status Export(TensorSink* sink) const;
+  Status Export(TensorSink* sink) const { return const_cast<Learner*>(this)->State().Export(sink); }
 
   static constexpr Index kMaxLanes = 4;
   static constexpr Index kSequencesPerLane = 16;  // where they are fewer
 
  private:
-  SavedHeader<T> Header() const;
+  LearnerState<T> State();
   Standardisation standardisation() const {
     return {settings_.normalise_observations, settings_.observation_floor,
             settings_.observation_clip};

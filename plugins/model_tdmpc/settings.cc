@@ -65,6 +65,10 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("return_scale_rate", 0.01, 1e-4, 1, "",
                   "Rate of the moving average of the values' 5 to 95 percent range, which the "
                   "actor's values are divided by. [paper]"),
+    RealParameter("search_policy_weight", 0.1, 0, 1e3, "",
+                  "Factor of the actor's imitation of searches (run.search_targets). [ours]"),
+    RealParameter("search_value_weight", 0.25, 0, 1, "",
+                  "Share of a search's value in the critic's target of the state searched. [ours]"),
 
     RealParameter("learning_rate", 3e-4, 0, 1, "",
                   "Adam's rate of dynamics, reward, continuation and critics. [paper]"),
@@ -111,6 +115,8 @@ Settings SettingsFrom(const Parameters& p) {
   s.max_log_std = p.GetReal("max_log_std");
   s.entropy_scale = p.GetReal("entropy_scale");
   s.return_scale_rate = p.GetReal("return_scale_rate");
+  s.search_policy_weight = p.GetReal("search_policy_weight");
+  s.search_value_weight = p.GetReal("search_value_weight");
   s.learning_rate = p.GetReal("learning_rate");
   s.encoder_rate_factor = p.GetReal("encoder_rate_factor");
   s.actor_learning_rate = p.GetReal("actor_learning_rate");

@@ -40,6 +40,8 @@ struct Settings {
   double max_log_std{};
   double entropy_scale{};
   double return_scale_rate{};
+  double search_policy_weight{};
+  double search_value_weight{};
 
   // Optimiser.
   double learning_rate{};

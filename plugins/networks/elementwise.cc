@@ -60,8 +60,8 @@
          (raw, noise, shape, squashed, std, action, entropy))                                      \
   KERNEL(void, ActorBackward,                                                                      \
          (In<T> squashed, In<T> std, In<T> action, In<T> noise, const ActorShape& shape,           \
-          In<T> d_action, In<T> entropy_weight, Mat<T> d_raw),                                     \
-         (squashed, std, action, noise, shape, d_action, entropy_weight, d_raw))                   \
+          In<T> d_action, In<T> entropy_weight, In<T> d_gaussian, Mat<T> d_raw),                   \
+         (squashed, std, action, noise, shape, d_action, entropy_weight, d_gaussian, d_raw))       \
   KERNEL(void, ApplyAdam,                                                                          \
          (const AdamStep& step, Index count, const T* gradient, T* first, T* second, T* value),    \
          (step, count, gradient, first, second, value))                                            \
@@ -483,7 +483,7 @@ void ActorForward(In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squash
 
 template <typename T>
 void ActorBackward(In<T> squashed, In<T> std, In<T> action, In<T> noise, const ActorShape& shape,
-                   In<T> d_action, In<T> entropy_weight, Mat<T> d_raw) {
+                   In<T> d_action, In<T> entropy_weight, In<T> d_gaussian, Mat<T> d_raw) {
   const Index a = action.rows;
   const T min_std = static_cast<T>(shape.min_std);
   const T reach = static_cast<T>(shape.log_std_reach());
@@ -492,10 +492,14 @@ void ActorBackward(In<T> squashed, In<T> std, In<T> action, In<T> noise, const A
     const T weight = entropy_weight(0, j);
     for (Index i = 0; i < a; ++i) {
       const T y = action(i, j);
-      const T du = d_action(i, j) * (T(1) - y * y) - T(2) * weight * y;
+      T du = d_action(i, j) * (T(1) - y * y) - T(2) * weight * y;
       const T t = squashed(i, j);
       const T s = std(i, j);
-      const T d_std = du * noise(i, j) + weight / s;
+      T d_std = du * noise(i, j) + weight / s;
+      if (d_gaussian) {
+        du += d_gaussian(i, j);
+        d_std += d_gaussian(a + i, j);
+      }
       if (shape.bounds_log_std()) {
         const T bounded = (std::log(s) - middle) / reach;  // tanh(c)
         d_raw(i, j) = du;

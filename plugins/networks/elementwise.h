@@ -120,11 +120,12 @@ template <typename T>
 void ActorForward(In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squashed, Mat<T> std,
                   Mat<T> action, Mat<T> entropy);
 
-// d_raw from d_action and from entropy_weight[0, j], the gradient of each
-// column's - ln p(action).
+// d_raw from d_action, from entropy_weight[0, j], the gradient of each column's - ln p(action),
+// and from d_gaussian: [2 A, n], the gradients of the means, then of the deviations, that come
+// from elsewhere; may be empty.
 template <typename T>
 void ActorBackward(In<T> squashed, In<T> std, In<T> action, In<T> noise, const ActorShape& shape,
-                   In<T> d_action, In<T> entropy_weight, Mat<T> d_raw);
+                   In<T> d_action, In<T> entropy_weight, In<T> d_gaussian, Mat<T> d_raw);
 
 // One Adam step (Kingma, Ba 2015) on `count` parameters, the gradient times
 // `factor` first. rate1, rate2: 1 / (1 - beta^step), the bias corrections.

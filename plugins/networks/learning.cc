@@ -42,6 +42,20 @@ Status CheckSequences(const SequenceBatch& batch, Index observations, Index acti
                  static_cast<unsigned long long>(batch.discounts.size),
                  static_cast<unsigned long long>(batch.is_first.size));
   }
+  const std::uint64_t searches = batch.search_candidates == 0 ? 0 : rows;
+  const std::uint64_t candidates = rows * batch.search_candidates;
+  if (batch.search_actions.rows != candidates || (searches > 0 && batch.search_actions.cols != a) ||
+      batch.search_weights.size != candidates || batch.search_values.size != searches) {
+    return Error(StatusCode::kInvalidArgument,
+                 "searches of %llu rows with %llu candidates expected; found views of %llu x %llu, "
+                 "%llu and %llu",
+                 static_cast<unsigned long long>(searches),
+                 static_cast<unsigned long long>(batch.search_candidates),
+                 static_cast<unsigned long long>(batch.search_actions.rows),
+                 static_cast<unsigned long long>(batch.search_actions.cols),
+                 static_cast<unsigned long long>(batch.search_weights.size),
+                 static_cast<unsigned long long>(batch.search_values.size));
+  }
   return OkStatus();
 }
 
@@ -134,7 +148,7 @@ void SlowCopy<T>::Pack() {
 }
 
 template <typename T>
-std::vector<std::uint64_t> SavedHeader<T>::Numbers() const {
+std::vector<std::uint64_t> LearnerState<T>::Header() const {
   std::vector<std::uint64_t> numbers = {mark, sizeof(T), static_cast<std::uint64_t>(observations),
                                         static_cast<std::uint64_t>(actions)};
   std::uint64_t hash = 0xcbf29ce484222325ull;  // FNV-1a
@@ -152,16 +166,29 @@ std::vector<std::uint64_t> SavedHeader<T>::Numbers() const {
 }
 
 template <typename T>
-Status SavedHeader<T>::Write(ByteSink* sink) const {
-  const std::vector<std::uint64_t> numbers = Numbers();
-  return WriteArray(sink, numbers.data(), static_cast<Index>(numbers.size()));
+Status LearnerState<T>::Save(ByteSink* sink) const {
+  const std::vector<std::uint64_t> header = Header();
+  Status status = WriteArray(sink, header.data(), static_cast<Index>(header.size()));
+  for (const std::uint64_t* counter : counters) {
+    if (status.ok()) status = WriteValue(sink, *counter);
+  }
+  if (status.ok()) status = WriteValue(sink, statistics->batches);
+  if (status.ok()) status = WriteValue(sink, return_scale->range);
+  if (status.ok()) status = statistics->Write(sink);
+  for (const ParameterGroup<T>* group : groups) {
+    for (const T* array : {group->values(), group->first(), group->second()}) {
+      if (status.ok()) status = WriteArray(sink, array, group->size());
+    }
+  }
+  if (status.ok()) status = WriteArray(sink, slow->data(), static_cast<Index>(slow->size()));
+  return status;
 }
 
 template <typename T>
-Status SavedHeader<T>::Read(const char* model, ByteSource* source) const {
-  const std::vector<std::uint64_t> expected = Numbers();
+Status LearnerState<T>::Load(const char* model, ByteSource* source) const {
+  const std::vector<std::uint64_t> expected = Header();
   std::vector<std::uint64_t> found(expected.size());
-  const Status status = ReadArray(source, found.data(), static_cast<Index>(found.size()));
+  Status status = ReadArray(source, found.data(), static_cast<Index>(found.size()));
   if (!status.ok()) return status;
   std::vector<std::string> names = {"mark", "bytes a number", "observation size", "action size"};
   for (const ParameterGroup<T>* group : groups) names.push_back(group->name() + " size");
@@ -172,33 +199,23 @@ Status SavedHeader<T>::Read(const char* model, ByteSource* source) const {
                  names[i].c_str(), static_cast<unsigned long long>(expected[i]),
                  static_cast<unsigned long long>(found[i]));
   }
+  for (std::uint64_t* counter : counters) {
+    if (status.ok()) status = ReadValue(source, counter);
+  }
+  if (status.ok()) status = ReadValue(source, &statistics->batches);
+  if (status.ok()) status = ReadValue(source, &return_scale->range);
+  if (status.ok()) status = statistics->Read(source);
+  for (ParameterGroup<T>* group : groups) {
+    for (T* array : {group->values(), group->first(), group->second()}) {
+      if (status.ok()) status = ReadArray(source, array, group->size());
+    }
+  }
+  if (status.ok()) status = ReadArray(source, slow->data(), static_cast<Index>(slow->size()));
   return status;
 }
 
 template <typename T>
-Status WriteGroups(ByteSink* sink, const std::vector<const ParameterGroup<T>*>& groups) {
-  for (const ParameterGroup<T>* group : groups) {
-    for (const T* array : {group->values(), group->first(), group->second()}) {
-      const Status status = WriteArray(sink, array, group->size());
-      if (!status.ok()) return status;
-    }
-  }
-  return OkStatus();
-}
-
-template <typename T>
-Status ReadGroups(ByteSource* source, const std::vector<ParameterGroup<T>*>& groups) {
-  for (ParameterGroup<T>* group : groups) {
-    for (T* array : {group->values(), group->first(), group->second()}) {
-      const Status status = ReadArray(source, array, group->size());
-      if (!status.ok()) return status;
-    }
-  }
-  return OkStatus();
-}
-
-template <typename T>
-Status ExportGroups(TensorSink* sink, const std::vector<const ParameterGroup<T>*>& groups) {
+Status LearnerState<T>::Export(TensorSink* sink) const {
   std::vector<float> rows;
   for (const ParameterGroup<T>* group : groups) {
     for (const Tensor& tensor : group->tensors()) {
@@ -217,18 +234,15 @@ Status ExportGroups(TensorSink* sink, const std::vector<const ParameterGroup<T>*
       if (!status.ok()) return status;
     }
   }
-  return OkStatus();
+  return statistics->Export(sink);
 }
 
-#define DREAMSEARCH_INSTANTIATE(T)                                                         \
-  template void PercentileScale::Include<T>(std::vector<T>*, double, bool);                \
-  template void MoveGroup<T>(const AdamSettings&, double, double, std::uint64_t,           \
-                             ParameterGroup<T>*);                                          \
-  template class SlowCopy<T>;                                                              \
-  template struct SavedHeader<T>;                                                          \
-  template Status WriteGroups<T>(ByteSink*, const std::vector<const ParameterGroup<T>*>&); \
-  template Status ReadGroups<T>(ByteSource*, const std::vector<ParameterGroup<T>*>&);      \
-  template Status ExportGroups<T>(TensorSink*, const std::vector<const ParameterGroup<T>*>&);
+#define DREAMSEARCH_INSTANTIATE(T)                                               \
+  template void PercentileScale::Include<T>(std::vector<T>*, double, bool);      \
+  template void MoveGroup<T>(const AdamSettings&, double, double, std::uint64_t, \
+                             ParameterGroup<T>*);                                \
+  template class SlowCopy<T>;                                                    \
+  template struct LearnerState<T>;
 DREAMSEARCH_INSTANTIATE(float)
 DREAMSEARCH_INSTANTIATE(double)
 #undef DREAMSEARCH_INSTANTIATE

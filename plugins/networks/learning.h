@@ -122,29 +122,27 @@ Status ReadArray(ByteSource* source, T* values, Index count) {
   return source->Read(values, static_cast<std::uint64_t>(count) * sizeof(T));
 }
 
-// What marks the saved state of a learner of these groups: a mark of its format, bytes a
-// number, sizes of observation, action and every group, a hash of all tensors' names and
-// shapes. Read: kDataLoss says for which of them `model` finds another.
+// A learner's state as it is saved and exported: where its parts are.
 template <typename T>
-struct SavedHeader {
-  std::uint64_t mark;
-  Index observations, actions;
-  std::vector<const ParameterGroup<T>*> groups;
+struct LearnerState {
+  std::uint64_t mark = 0;  // of the format
+  Index observations = 0, actions = 0;
+  PercentileScale* return_scale = nullptr;
+  ObservationStatistics* statistics = nullptr;
+  std::vector<T>* slow = nullptr;          // values of the slow copy
+  std::vector<ParameterGroup<T>*> groups;  // with Adam's moments
+  std::vector<std::uint64_t*> counters;
 
-  Status Write(ByteSink* sink) const;
-  Status Read(const char* model, ByteSource* source) const;
+  // Begins with what marks it: the mark, bytes a number, sizes of observation, action and every
+  // group, a hash of all tensors' names and shapes.
+  Status Save(ByteSink* sink) const;
+  // kDataLoss says for which of them `model` finds another. Pack is left to the caller.
+  Status Load(const char* model, ByteSource* source) const;
+  // Every tensor in single precision, a weight as [out, in], slowest first.
+  Status Export(TensorSink* sink) const;
 
  private:
-  std::vector<std::uint64_t> Numbers() const;
+  std::vector<std::uint64_t> Header() const;
 };
-
-// Values and moments of the groups, in order. After a read Pack is left to the caller.
-template <typename T>
-Status WriteGroups(ByteSink* sink, const std::vector<const ParameterGroup<T>*>& groups);
-template <typename T>
-Status ReadGroups(ByteSource* source, const std::vector<ParameterGroup<T>*>& groups);
-// Every tensor in single precision, a weight as [out, in], slowest first.
-template <typename T>
-Status ExportGroups(TensorSink* sink, const std::vector<const ParameterGroup<T>*>& groups);
 
 }  // namespace dreamsearch::networks

@@ -37,6 +37,7 @@ struct Variant {
   const char* name;
   std::function<void(Settings*)> change;
   std::vector<std::size_t> firsts = {};  // rows inside sequences that begin an episode
+  std::uint64_t candidates = 0;          // of the rows' searches
 };
 
 const Variant kVariants[] = {
@@ -70,7 +71,12 @@ const Variant kVariants[] = {
        s->slow_critic_weight = 0.5;
        s->imagination_starts = 5;
        s->start_skip = 1;
-     }},
+       s->search_policy_weight = 0.8;
+       s->search_value_weight = 0.6;
+     },
+     {},
+     4},
+    {"searches", [](Settings*) {}, {}, 2},
     {"episodes_end_inside", [](Settings* s) { s->continuation = true; }, {2, 5, 6, 11}},
 };
 
@@ -102,6 +108,7 @@ TEST_P(UpdateGradient, OfAllThreeGroupsEqualsCentralDifference) {
   variant.change(&settings);
   OwnedBatch batch = RandomBatch(3, 4, 3, 2, 21);
   for (const std::size_t row : variant.firsts) batch.is_first[row] = 1;
+  if (variant.candidates > 0) batch.AddSearches(variant.candidates, 22);
   Learner<double> learner(settings, 3, 2, 5);
   MakeReady(&learner);
   ASSERT_TRUE(learner.Read(batch.view(), 77).ok());

@@ -18,6 +18,7 @@ struct Variant {
   bool ends;  // an episode ends early
   std::function<void(Settings*)> change;
   std::vector<std::size_t> firsts = {};  // rows inside sequences that begin an episode
+  std::uint64_t candidates = 0;          // of the rows' searches
 };
 
 const Variant kVariants[] = {
@@ -37,8 +38,12 @@ const Variant kVariants[] = {
        s->value_weight = 5;
        s->continuation_weight = 0.4;
        s->entropy_scale = 0.3;
+       s->search_policy_weight = 0.8;
+       s->search_value_weight = 0.6;
      },
-     {2, 5, 7, 11}},
+     {2, 5, 7, 11},
+     4},
+    {"searches", false, [](Settings*) {}, {}, 2},
 };
 
 class UpdateGradient : public testing::TestWithParam<std::size_t> {};
@@ -59,6 +64,7 @@ TEST_P(UpdateGradient, OfAllGroupsEqualsCentralDifference) {
   std::fill(batch.discounts.begin(), batch.discounts.end(), 1.0f);
   if (variant.ends) batch.discounts[3] = batch.discounts[6] = 0;
   for (const std::size_t row : variant.firsts) batch.is_first[row] = 1;
+  if (variant.candidates > 0) batch.AddSearches(variant.candidates, 22);
   Learner<double> learner(settings, 3, 2, 5);
   Agent<double>& agent = learner.agent();
   for (std::size_t g = 0; g < kGroups; ++g) Perturb(&agent.groups[g], 11 + g);
@@ -86,6 +92,41 @@ TEST_P(UpdateGradient, OfAllGroupsEqualsCentralDifference) {
 INSTANTIATE_TEST_SUITE_P(Variants, UpdateGradient,
                          testing::Range<std::size_t>(0, std::size(kVariants)),
                          [](const auto& row) { return std::string(kVariants[row.param].name); });
+
+// The least value is mixed with what the search found, where there is one.
+TEST(Searches, MoveTheTargetsOfTheStatesSearchedByTheirShare) {
+  Settings settings = PresetSettings("paper");
+  settings.latent = kSimplex;
+  settings.encoder_width = settings.width = 6;
+  OwnedBatch batch = RandomBatch(2, 4, 3, 2, 21);
+  const auto targets = [&](double share) {
+    settings.search_value_weight = share;
+    Learner<double> learner(settings, 3, 2, 5);
+    EXPECT_TRUE(learner.Read(batch.view(), 77).ok());
+    UpdateLosses losses{};
+    learner.Gradients(&losses);
+    return learner.stops().targets;  // time-major
+  };
+  const Values without = targets(0.25);
+  batch.AddSearches(2, 22);
+  EXPECT_EQ(targets(0), without);
+  const Values quarter = targets(0.25), whole = targets(1);
+  int moved = 0;
+  for (std::size_t t = 0; t < 3; ++t) {
+    for (std::size_t b = 0; b < 2; ++b) {
+      const std::size_t row = b * 4 + t + 1, column = t * 2 + b;
+      const bool counts = row % 3 != 0 && batch.discounts[row] != 0;
+      moved += counts;
+      const double found =
+          counts ? static_cast<double>(batch.rewards[row]) +
+                       settings.discount * static_cast<double>(batch.search_values[row])
+                 : without[column];
+      EXPECT_NEAR(whole[column], found, 1e-12);
+      EXPECT_NEAR(quarter[column], 0.75 * without[column] + 0.25 * found, 1e-12);
+    }
+  }
+  EXPECT_GT(moved, 1);
+}
 
 // An episode that begins inside a sequence, and all that comes after it there, changes no
 // gradient of what came before.

@@ -31,12 +31,33 @@ struct OwnedBatch {
             {actions.data(), rows, action_size},
             {rewards.data(), rows},
             {discounts.data(), rows},
-            {is_first.data(), rows}};
+            {is_first.data(), rows},
+            search_candidates,
+            {search_actions.data(), rows * search_candidates, action_size},
+            {search_weights.data(), rows * search_candidates},
+            {search_values.data(), search_values.size()}};
+  }
+
+  // A search of every row but each third, with `candidates` actions of equal weight.
+  void AddSearches(std::uint64_t candidates, std::uint64_t seed) {
+    const std::uint64_t rows = sequences * length;
+    search_candidates = candidates;
+    search_actions.resize(rows * candidates * action_size);
+    search_weights.assign(rows * candidates, 0);
+    search_values.resize(rows);
+    Random random(seed);
+    for (float& x : search_actions) x = static_cast<float>(random.Uniform(-1, 1));
+    for (float& x : search_values) x = static_cast<float>(random.Uniform(-3, 3));
+    for (std::uint64_t i = 0; i < rows * candidates; ++i) {
+      if (i / candidates % 3 != 0) search_weights[i] = 1.0f / static_cast<float>(candidates);
+    }
   }
 
   std::uint64_t sequences, length, observation_size, action_size;
   std::vector<float> observations, actions, rewards, discounts;
   std::vector<std::uint8_t> is_first;
+  std::uint64_t search_candidates = 0;
+  std::vector<float> search_actions, search_weights, search_values;
 };
 
 // Independent draws, with a few terminal states.

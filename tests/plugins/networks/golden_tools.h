@@ -242,7 +242,13 @@ struct GoldenBatch {
         actions(update.at("actions")),
         rewards(update.at("rewards")),
         discounts(update.at("discounts")),
-        is_first(update.at("is_first")) {}
+        is_first(update.at("is_first")) {
+    if (!update.contains("search_candidates")) return;
+    search_candidates = update.at("search_candidates");
+    search_actions = update.at("search_actions").get<std::vector<float>>();
+    search_weights = update.at("search_weights").get<std::vector<float>>();
+    search_values = update.at("search_values").get<std::vector<float>>();
+  }
 
   SequenceBatch view() const {
     const std::uint64_t rows = sequences * length;
@@ -252,12 +258,18 @@ struct GoldenBatch {
             {actions.data(), rows, action_size},
             {rewards.data(), rewards.size()},
             {discounts.data(), discounts.size()},
-            {is_first.data(), is_first.size()}};
+            {is_first.data(), is_first.size()},
+            search_candidates,
+            {search_actions.data(), search_weights.size(), action_size},
+            {search_weights.data(), search_weights.size()},
+            {search_values.data(), search_values.size()}};
   }
 
   std::uint64_t sequences, length, observation_size, action_size;
   std::vector<float> observations, actions, rewards, discounts;
   std::vector<std::uint8_t> is_first;
+  std::uint64_t search_candidates = 0;
+  std::vector<float> search_actions, search_weights, search_values;
 };
 
 // Calls compare(title, in, out, last, batch) for each update; `last` holds the golden gradients
@@ -406,6 +418,29 @@ inline Json RandomUpdate(std::uint64_t sequences, std::uint64_t length, Index ob
           {"length", length},       {"observations", observations},
           {"actions", actions},     {"rewards", rewards},
           {"discounts", discounts}, {"is_first", is_first}};
+}
+
+// Searches of an update's rows with three candidates, some of them at the bounds or without
+// weight. Every fourth row or so was not searched.
+inline void AddSearches(Index action_size, std::uint64_t seed, Json* update) {
+  constexpr std::uint64_t kParts = 16;
+  Random random(seed);
+  Json actions, weights, values;
+  for (std::size_t row = 0; row < update->at("rewards").size(); ++row) {
+    const bool searched = random.Below(4) != 0;
+    const std::uint64_t first = random.Below(kParts), second = random.Below(kParts + 1 - first);
+    for (const std::uint64_t part : {first, second, kParts - first - second}) {
+      weights.push_back(searched ? static_cast<double>(part) / kParts : 0.0);
+      for (Index i = 0; i < action_size; ++i) {
+        actions.push_back(std::clamp(Short(random.Uniform(-1.1, 1.1)), -1.0, 1.0));
+      }
+    }
+    values.push_back(searched ? Short(random.Uniform(-2, 6)) : 0.0);
+  }
+  update->update({{"search_candidates", 3},
+                  {"search_actions", actions},
+                  {"search_weights", weights},
+                  {"search_values", values}});
 }
 
 // Objects over several lines, arrays of numbers on one.

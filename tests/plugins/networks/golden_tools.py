@@ -1,10 +1,14 @@
-"""What every golden.py shares: reading a case, statistics of observations, the step, writing."""
+"""What every golden.py shares: reading a case, statistics of observations, searches, the step,
+writing."""
+import copy
 import json
+import math
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import torch
+from torch.distributions import Normal
 
 
 class GoldenAgent:
@@ -110,3 +114,41 @@ def text(value, indent=""):
     if isinstance(value, list) and isinstance(value[0], dict):
         return "[\n" + ",\n".join(inner + text(v, inner) for v in value) + f"\n{indent}]"
     return json.dumps(value, separators=(",", ":"))
+
+
+class Searches:
+    """What the searches of an update found, time first: [T, B, ...]."""
+
+    def __init__(self, update, action_size):
+        b, t = update["sequences"], update["length"]
+        k = update.get("search_candidates", 0)
+
+        def rows(name, *shape):
+            values = update[name] if k > 0 else [0.0] * (b * t * math.prod(shape))
+            return torch.as_tensor(values, dtype=torch.get_default_dtype()).reshape(
+                b, t, *shape).transpose(0, 1)
+
+        self.actions = rows("search_actions", max(k, 1), action_size)
+        self.weights = rows("search_weights", max(k, 1))
+        self.values = rows("search_values")
+
+    @property
+    def made(self):
+        return (self.weights.sum(-1) > 0).double()
+
+    def at(self, columns):
+        """Those of some time-major columns, [K, ...]."""
+        chosen = copy.copy(self)
+        for name in ("actions", "weights", "values"):
+            setattr(chosen, name, getattr(self, name).flatten(0, 1)[columns])
+        return chosen
+
+    def mix(self, share, values):
+        return values + share * self.made * (self.values - values)
+
+    def nll(self, policy):
+        """Of the candidates before tanh under the Gaussian seen through noise of 0.1."""
+        seen = Normal(policy.mean, (policy.stddev ** 2 + 0.01).sqrt())
+        u = torch.atanh(self.actions.clamp(-0.999, 0.999))
+        density = Normal(seen.mean.unsqueeze(-2), seen.stddev.unsqueeze(-2)).log_prob(u)
+        return -(self.weights * density.mean(-1)).sum(-1)

@@ -71,7 +71,7 @@ void RunActor(const ActorShape& shape, Values* in, Values* out, Values* ct, Valu
   if (d == nullptr) return;
   Slices c(ct->data());
   const M d_action = c.Take(3, kN), d_entropy = c.Take(1, kN);
-  ActorBackward<double>(squashed, std, action, eps, shape, d_action, d_entropy,
+  ActorBackward<double>(squashed, std, action, eps, shape, d_action, d_entropy, M(),
                         M(d->data(), 6, kN));
 }
 

@@ -259,7 +259,8 @@ TYPED_TEST_P(ModelPromises, AnyNumberOfThreadsGivesEqualBits) {
   for (const bool bfloat16 : {false, true}) {
     auto settings = TypeParam::InLanes();
     settings.bfloat16 = bfloat16;
-    const OwnedBatch batch = PointBatch(23, 10, 1);
+    OwnedBatch batch = PointBatch(23, 10, 1);
+    batch.AddSearches(3, 2);
     std::string first;
     for (const Index threads : {1, 2, 3, 9}) {
       const ModelPointer model = Make<TypeParam>(settings, 1, 2, 1, threads);
@@ -379,6 +380,7 @@ TYPED_TEST_P(ModelPromises, AllocatesNothingAfterWarmUp) {
     SCOPED_TRACE(preset);
     const ModelPointer model = Make<TypeParam>(TypeParam::AskingForAll(preset), 1, 2, 1, 2);
     OwnedBatch batch = PointBatch(20, 20, 1);
+    batch.AddSearches(2, 3);
     batch.discounts.back() = 0;
     std::vector<double> metrics(TypeParam::Metrics().size);
     LatentArray latents(*model, 150), next(*model, 150);
@@ -520,6 +522,47 @@ TYPED_TEST_P(ModelPromises, RefusesWrongSizes) {
   }
 }
 
+TYPED_TEST_P(ModelPromises, RefusesSearchesOfAnotherSize) {
+  const ModelPointer model = Make<TypeParam>(TypeParam::Small("fast"));
+  OwnedBatch batch = PointBatch(6, 10, 1);
+  batch.AddSearches(2, 3);
+  std::vector<double> metrics(TypeParam::Metrics().size);
+  const View<double> room{metrics.data(), metrics.size()};
+  SequenceBatch weights = batch.view(), values = batch.view(), actions = batch.view();
+  --weights.search_weights.size;
+  values.search_values.size = 0;
+  actions.search_actions.cols = 2;
+  const std::vector<char> before = SavedBytes(*model);
+  for (const SequenceBatch& wrong : {weights, values, actions}) {
+    EXPECT_EQ(model->Train({wrong, 9, 0, 0}, room).code, StatusCode::kInvalidArgument);
+  }
+  EXPECT_EQ(SavedBytes(*model), before);
+  EXPECT_TRUE(model->Train({batch.view(), 9, 0, 0}, room).ok());
+}
+
+TYPED_TEST_P(ModelPromises, ImitatesTheSearchesOfItsBatches) {
+  auto settings = TypeParam::Small("fast");
+  settings.search_policy_weight = 100;
+  settings.actor_learning_rate = 3e-3;
+  const ModelPointer model = Make<TypeParam>(settings);
+  OwnedBatch batch = PointBatch(8, 10, 1);
+  batch.AddSearches(2, 3);
+  std::fill(batch.search_actions.begin(), batch.search_actions.end(), 0.6f);
+  std::vector<double> first, last;
+  for (std::uint64_t update = 0; update < 300; ++update) {
+    last = Train<TypeParam>(model.get(), batch, update);
+    if (update == 0) first = last;
+  }
+  EXPECT_LT(Metric<TypeParam>(last, "imitation_loss"), Metric<TypeParam>(first, "imitation_loss"));
+  EXPECT_GT(Metric<TypeParam>(last, "searched"), 0.3);
+  EXPECT_LT(Metric<TypeParam>(last, "searched"), 0.9);
+  for (const double x : {-0.5, 0.5}) {
+    double mode = 0;
+    EXPECT_TRUE(model->ProposeMode(ObservedPoint(model.get(), x), {&mode, 1, 1}).ok());
+    EXPECT_NEAR(mode, 0.6, 0.1) << "at " << x;
+  }
+}
+
 REGISTER_TYPED_TEST_SUITE_P(ModelPromises, EqualSeedsGiveEqualBits,
                             AnyNumberOfThreadsGivesEqualBits,
                             ThreadsThatComeAndGoBetweenUpdatesLeaveTheBitsOfOne,
@@ -527,6 +570,7 @@ REGISTER_TYPED_TEST_SUITE_P(ModelPromises, EqualSeedsGiveEqualBits,
                             ARowHasTheSameAnswerWhateverStandsBesideIt,
                             InitialLatentIsZeroAndPaddingStaysZero, AllocatesNothingAfterWarmUp,
                             RefusesNanInABatchAndStaysAsItWas, FindsNanInItsOwnLatents,
-                            ARowDrawsFromItsOwnSeed, RefusesWrongSizes);
+                            ARowDrawsFromItsOwnSeed, RefusesWrongSizes,
+                            RefusesSearchesOfAnotherSize, ImitatesTheSearchesOfItsBatches);
 
 }  // namespace dreamsearch

@@ -19,7 +19,7 @@ from torch.distributions import Independent, Normal, kl_divergence
 from torch.nn import functional as F
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "networks"))
-from golden_tools import GoldenAgent, remake  # noqa: E402
+from golden_tools import GoldenAgent, Searches, remake  # noqa: E402
 
 torch.set_default_dtype(torch.float64)
 torch.set_num_threads(1)
@@ -32,8 +32,9 @@ SETTINGS = {
     "continuation", "continuation_scale", "horizon", "imagination_starts", "start_skip",
     "discount", "lambda", "actor_mean_limit", "actor_initial_std", "actor_min_std",
     "entropy_scale", "return_scale", "return_scale_rate", "value_scale", "slow_critic_weight",
-    "slow_critic_rate", "model_learning_rate", "actor_learning_rate", "value_learning_rate",
-    "adam_beta1", "adam_beta2", "adam_epsilon", "gradient_clip",
+    "slow_critic_rate", "search_policy_weight", "search_value_weight", "model_learning_rate",
+    "actor_learning_rate", "value_learning_rate", "adam_beta1", "adam_beta2", "adam_epsilon",
+    "gradient_clip",
 }
 
 
@@ -243,12 +244,16 @@ class Agent(GoldenAgent):
         if s.return_scale == "percentile" and self.range is not None:
             scale = max(1.0, self.range)
         gains = weights * (returns / scale + s.entropy_scale * entropy)
-        actor = -gains.mean()
+        searches = Searches(update, self.a).at(update["starts"])
+        nll = searches.nll(nets.actor(states[0].detach()))
+        actor = -gains.mean() + s.search_policy_weight * nll.mean()
 
         # The critic, in units of value_scale; its slow copy is a second target.
         values = nets.value(left.detach())
         slow = Networks(s, self.slow).value(left.detach())
-        error = (values - returns.detach()) / s.value_scale
+        targets = returns.detach().clone()
+        targets[0] = searches.mix(s.search_value_weight, targets[0])
+        error = (values - targets) / s.value_scale
         drift = (values - slow) / s.value_scale
         value = (weights * 0.5 * (error ** 2 + s.slow_critic_weight * drift ** 2)).mean()
 
@@ -257,9 +262,14 @@ class Agent(GoldenAgent):
         report["losses"].update(actor_loss=actor, value_loss=value,
                                 imagined_return=returns[0].mean(), value_mean=values.mean(),
                                 actor_entropy=entropy.mean(),
-                                actor_std=torch.stack(deviations).mean())
+                                actor_std=torch.stack(deviations).mean(),
+                                imitation_loss=nll.mean() / searches.made.mean().clamp(min=1e-9),
+                                searched=searches.made.mean())
         # Means of terms of either sign may nearly cancel: the terms' mean size.
-        report["scales"] = {"actor_loss": gains.abs().mean(),
+        report["scales"] = {"actor_loss": gains.abs().mean() +
+                            s.search_policy_weight * nll.abs().mean(),
+                            "imitation_loss": nll.abs().mean() /
+                            searches.made.mean().clamp(min=1e-9),
                             "imagined_return": returns[0].abs().mean(),
                             "value_mean": values.abs().mean(),
                             "actor_entropy": entropy.abs().mean()}
@@ -267,6 +277,7 @@ class Agent(GoldenAgent):
         report.update(dream_states=left.reshape(-1, size), dream_weights=weights.flatten(),
                       returns=returns.flatten())
         report["covers"]["return scale"] = scale
+        report["covers"]["starts searched"] = int(searches.made.sum())
         return actor, value
 
     def update(self, update):

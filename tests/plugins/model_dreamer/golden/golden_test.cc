@@ -51,6 +51,8 @@ void CompareLosses(const std::string& update, const UpdateLosses& found, const J
       {"value_mean", found.dream.value_mean},
       {"actor_entropy", found.dream.entropy},
       {"actor_std", found.dream.actor_std},
+      {"imitation_loss", found.dream.imitation},
+      {"searched", found.dream.searched},
       {"model_gradient_norm", found.model_gradient_norm},
       {"actor_gradient_norm", found.actor_gradient_norm},
       {"value_gradient_norm", found.value_gradient_norm},

@@ -71,6 +71,8 @@ GoldenCase CaseOf(const std::string& name) {
            {"return_scale_rate", 0.3},
            {"slow_critic_weight", 0.7},
            {"slow_critic_rate", 0.2},
+           {"search_policy_weight", 0.7},
+           {"search_value_weight", 0.4},
            {"gradient_clip", 8}},
           kLength};
 }
@@ -129,6 +131,7 @@ void Write(const std::string& folder, const std::string& name) {
   for (std::uint64_t k = 0; k < golden.updates; ++k) {
     Json update =
         RandomUpdate(golden.sequences, golden.length, kObservationSize, kActionSize, 100 + k);
+    if (std::string(golden.preset) == "fast") AddSearches(kActionSize, 200 + k, &update);
     const std::uint64_t seed = update.at("seed");
     const GoldenBatch batch(update, kObservationSize, kActionSize);
     const Status status = learner.Read(batch.view(), seed);

@@ -19,7 +19,7 @@ from torch.distributions.transforms import TanhTransform
 from torch.nn import functional as F
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "networks"))
-from golden_tools import GoldenAgent, remake  # noqa: E402
+from golden_tools import GoldenAgent, Searches, remake  # noqa: E402
 
 torch.set_default_dtype(torch.float64)
 torch.set_num_threads(1)
@@ -29,6 +29,7 @@ SETTINGS = {
     "bin_range", "normalise_observations", "observation_floor", "observation_clip", "rho",
     "consistency_weight", "reward_weight", "value_weight", "continuation_weight", "discount",
     "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale", "return_scale_rate",
+    "search_policy_weight", "search_value_weight",
     "learning_rate", "encoder_rate_factor", "actor_learning_rate", "adam_epsilon",
     "actor_adam_epsilon", "gradient_clip",
 }
@@ -145,7 +146,10 @@ class Agent(GoldenAgent):
             action = torch.tanh(policy.mean + policy.stddev * noise)
             least = torch.stack([nets.number(self.slow.critic(k, arrived, action))
                                  for k in update["target_critics"]]).amin(0)
-            targets = rewards + s.discount * discounts[1:] * least
+            searches = Searches(update, self.a)
+            least = torch.cat([torch.zeros(1, b), least])  # of every observation but the first
+            value = searches.mix(s.search_value_weight, least)[1:]
+            targets = rewards + s.discount * discounts[1:] * value
 
         latents = [encoded[0]]
         for step in range(steps):
@@ -203,15 +207,22 @@ class Agent(GoldenAgent):
         def mean(numbers):
             return (self.inside * numbers).sum() / self.inside.sum()
 
-        gains = rho * (values / scale + s.entropy_scale * self.a * entropy)
+        searches = Searches(update, self.a)
+        nll, searched = searches.nll(policy), mean(searches.made)
+        gains = rho * (values / scale + s.entropy_scale * self.a * entropy -
+                       s.search_policy_weight * nll)
         self.follow_range(values[0].detach())
         report["losses"].update(actor_loss=-mean(gains), value_mean=mean(values),
                                 actor_entropy=mean(entropy),
-                                actor_std=mean(policy.stddev.mean(-1)))
+                                actor_std=mean(policy.stddev.mean(-1)),
+                                imitation_loss=mean(nll) / searched.clamp(min=1e-9),
+                                searched=searched)
         # Means of terms of either sign may nearly cancel: the terms' mean size.
         report["scales"].update(actor_loss=mean(gains.abs()), value_mean=mean(values.abs()),
                                 actor_entropy=mean(entropy.abs()))
+        report["scales"]["imitation_loss"] = mean(nll.abs()) / searched.clamp(min=1e-9)
         report["return_range"] = self.range
+        report["covers"]["states searched"] = int((self.inside * searches.made).sum())
         report["covers"]["return scale"] = scale
         return -mean(gains)
 

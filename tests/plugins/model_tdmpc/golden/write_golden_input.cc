@@ -49,6 +49,8 @@ GoldenCase CaseOf(const std::string& name) {
                   {"max_log_std", 1},
                   {"entropy_scale", 0.05},
                   {"return_scale_rate", 0.3},
+                  {"search_policy_weight", 0.7},
+                  {"search_value_weight", 0.4},
                   {"gradient_clip", 0.5}});
   return {"fast", changes, kLength};
 }
@@ -81,6 +83,7 @@ void Write(const std::string& folder, const std::string& name) {
     const bool ends = std::string(golden.preset) == "fast" && k > 0;
     if (!ends) update["discounts"] = std::vector<int>(golden.sequences * golden.length, 1);
     if (ends) update["is_first"][6] = update["is_first"][11] = 1;  // inside two sequences
+    if (std::string(golden.preset) == "fast") AddSearches(kActionSize, 200 + k, &update);
     const std::uint64_t seed = update.at("seed");
     const GoldenBatch batch(update, kObservationSize, kActionSize);
     const Status status = learner.Read(batch.view(), seed);
