@@ -15,13 +15,50 @@ void Agent::Parts::SetPlanner(const ResolvedComponent& component) {
   metrics = component.info->metrics.size();
 }
 
+void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResult& result) {
+  for (std::uint64_t i = 0; i < result.action.size; ++i) {
+    const double entry = result.action[i];
+    if (!std::isfinite(entry)) {
+      throw Failure(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
+                                             std::to_string(i) + " of decision " +
+                                             std::to_string(decision));
+    }
+    if (std::abs(entry) > 1) {
+      throw Failure(ExitCode::kInternal, who + " chose an action outside [-1, 1]: entry " +
+                                             std::to_string(i) + " is " + std::to_string(entry));
+    }
+  }
+  if (!std::isfinite(result.value)) {
+    throw Failure(ExitCode::kDiverged, who + " reported a value that is not finite");
+  }
+  double sum = 0;
+  for (std::uint64_t k = 0; k < result.policy_weights.size; ++k) {
+    const View<const double> action = result.policy_actions.row(k);
+    const double weight = result.policy_weights[k];
+    sum += weight;
+    if (weight >= 0 && std::all_of(action.begin(), action.end(),
+                                   [](double entry) { return std::abs(entry) <= 1; })) {
+      continue;
+    }
+    throw Failure(ExitCode::kInternal, who + " reported a policy whose action " +
+                                           std::to_string(k) + " lies outside [-1, 1] or weighs " +
+                                           std::to_string(weight));
+  }
+  if (!result.policy_weights.empty() && !(std::abs(sum - 1) < 1e-6)) {
+    throw Failure(ExitCode::kInternal, who + " reported a policy whose weights sum to " +
+                                           std::to_string(sum) + ", expected 1");
+  }
+}
+
 Agent::Agent(const Parts& parts)
     : parts_(parts),
       proxy_(parts.model, parts.model_name, parts.searches),
       latent_bytes_(parts.model->latent_bytes()),
       latent_memory_(2 * latent_bytes_ + kLatentAlignment),
       action_(parts.model->action_size()),
-      metrics_(parts.metrics) {
+      metrics_(parts.metrics),
+      policy_actions_(parts.policy_actions * action_.size()),
+      policy_weights_(parts.policy_actions) {
   if (parts.model_needs_environment) {
     environment_state_.resize(parts.environment->spec().state_bytes);
   }
@@ -76,6 +113,10 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   PlanResult result;
   result.action = {action_.data(), action_.size()};
   result.metrics = {metrics_.data(), metrics_.size()};
+  if (!policy_weights_.empty()) {
+    result.policy_actions = {policy_actions_.data(), policy_weights_.size(), action_.size()};
+    result.policy_weights = {policy_weights_.data(), policy_weights_.size()};
+  }
   const Status status = parts_.planner->Plan(request, &result);
   ThrowUnlessOk(proxy_.fault(), who + " Plan");
   ThrowUnlessOk(status, who + " Plan");
@@ -84,21 +125,7 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   decision.simulations = result.simulations;
   decision.nodes = result.nodes;
   decision.depth = result.depth;
-  for (std::size_t i = 0; i < action_.size(); ++i) {
-    if (!std::isfinite(action_[i])) {
-      throw Failure(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
-                                             std::to_string(i) + " of decision " +
-                                             std::to_string(decision_));
-    }
-    if (std::abs(action_[i]) > 1) {
-      throw Failure(ExitCode::kInternal, who + " chose an action outside [-1, 1]: entry " +
-                                             std::to_string(i) + " is " +
-                                             std::to_string(action_[i]));
-    }
-  }
-  if (!std::isfinite(decision.value)) {
-    throw Failure(ExitCode::kDiverged, who + " reported a value that is not finite");
-  }
+  CheckPlanned(who, decision_, result);
   ++decision_;
   decision.plan_us = (Now() - begin) * 1e6;
   return decision;

@@ -32,6 +32,9 @@ struct Decision {
   std::uint32_t depth = 0;
 };
 
+// Throws Failure unless what a planner, `who`, planned keeps the laws of PlanResult.
+void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResult& result);
+
 class Agent {
  public:
   struct Parts {
@@ -41,6 +44,7 @@ class Agent {
     std::string planner_text;            // in messages: "planner 'cem'"
     bool searches = true;                // or Imagine is refused
     std::size_t metrics = 0;             // how many the planner reports
+    std::size_t policy_actions = 0;      // that are asked of its improved policy
     Environment* environment = nullptr;  // whose state is given to a model that needs one
     bool model_needs_environment = false;
     std::uint64_t run_seed = 0;
@@ -61,6 +65,13 @@ class Agent {
 
   // The action of the last Decide, [A]; zero at an episode's start.
   View<const double> action() const { return {action_.data(), action_.size()}; }
+  // The improved policy of the last Decide, as many actions as the parts say.
+  MatrixView<const double> policy_actions() const {
+    return {policy_actions_.data(), policy_weights_.size(), action_.size()};
+  }
+  View<const double> policy_weights() const {
+    return {policy_weights_.data(), policy_weights_.size()};
+  }
   // The planner's metrics of the last Decide.
   const std::vector<double>& metrics() const { return metrics_; }
   double Now() const { return parts_.clock(); }
@@ -82,6 +93,8 @@ class Agent {
   std::vector<std::byte> environment_state_;
   std::vector<double> action_;
   std::vector<double> metrics_;
+  std::vector<double> policy_actions_;
+  std::vector<double> policy_weights_;
   EpisodePurpose phase_ = EpisodePurpose::kTraining;
   std::uint64_t episode_ = 0;
   std::uint64_t decision_ = 0;

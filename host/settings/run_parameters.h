@@ -50,6 +50,21 @@ inline constexpr ParameterSpec kRunParameters[] = {
                  "Decisions in a training sequence. [ours; paper: 50]")
         .Preset("fast", 32)
         .Preset("paper", 50),
+    BoolParameter("search_targets", false,
+                  "Keep what each search of the training found, its improved policy and its value, "
+                  "and train the model on it; needs a planner and a model that declare so. [BMPC, "
+                  "Wang et al. 2025: true]")
+        .Preset("fast", false)
+        .Preset("paper", false),
+    IntParameter("search_candidates", 8, 1, 1000, "actions",
+                 "Actions of an improved policy that are kept, the heaviest ones. [ours]")
+        .Preset("fast", 8)
+        .Preset("paper", 8),
+    RealParameter("reanalyse", 0, 0, 1, "",
+                  "Share of an update's states whose search is made anew with the present model. "
+                  "[BMPC: 0.008; 0: none]")
+        .Preset("fast", 0)
+        .Preset("paper", 0),
     IntParameter("diverged_episodes", 10, 1, 1000000, "episodes",
                  "Training episodes in a row that the simulator may end by a divergence before "
                  "the run is given up. [ours]")

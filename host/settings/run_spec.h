@@ -122,6 +122,10 @@ struct RunSpec {
 
   // Environment steps of the run, and environment steps a decision.
   std::uint64_t steps() const { return run.Integer("steps"); }
+  // Actions kept of a search's improved policy; 0: searches are not kept.
+  std::uint64_t search_candidates() const {
+    return run.Flag("search_targets") ? run.Integer("search_candidates") : 0;
+  }
   std::uint32_t action_repeat() const {
     return static_cast<std::uint32_t>(run.Integer("action_repeat"));
   }

@@ -20,6 +20,7 @@ enum class SeedUse : std::uint64_t {
   kPlan = 5,          // Planner::Plan of a decision
   kReplay = 6,        // which sequences an update trains on
   kTrain = 7,         // the draws inside an update
+  kReanalyse = 8,     // which states an update plans anew, and what that draws
 };
 
 enum class EpisodePurpose : std::uint64_t { kTraining = 0, kEvaluation = 1 };

@@ -87,7 +87,9 @@ struct Target {
 class Resolver {
  public:
   Resolver(const Options& options, const Catalogue& catalogue, const RunSpec* base)
-      : preset_(options.preset), of_trained_run_(base != nullptr && options.evaluate) {
+      : catalogue_(catalogue),
+        preset_(options.preset),
+        of_trained_run_(base != nullptr && options.evaluate) {
     for (const ParameterSpec& spec : RunParameters()) {
       run_parameters_.push_back(DescribeParameter(spec));
     }
@@ -143,6 +145,7 @@ class Resolver {
             spec.eval_planner = Resolved(eval_planner_.value_or(planner));
             spec.run = runs_[i];
             spec.seed = seed;
+            if (!options.evaluate) CheckSearchTargets(spec);
             runs.push_back(std::move(spec));
           }
         }
@@ -375,6 +378,35 @@ class Resolver {
                       std::to_string(steps));
   }
 
+  // That those who are to teach and to learn from searches can.
+  void CheckSearchTargets(const RunSpec& spec) const {
+    const auto refuse = [](const std::string& message) {
+      throw Failure(ExitCode::kUsage, message);
+    };
+    if (!spec.run.Flag("search_targets")) {
+      if (spec.run.Number("reanalyse") > 0) {
+        refuse(
+            "run.reanalyse: expected run.search_targets=true beside it, found false; without "
+            "search targets there is nothing to plan anew");
+      }
+      return;
+    }
+    const auto need = [&](const ResolvedComponent& component, Trait trait, const char* what) {
+      if (component.Has(trait)) return;
+      const ComponentKind kind = component.info->kind;
+      refuse(std::string("run.search_targets: expected a ") + ComponentKindName(kind) + " that " +
+             what + ", found '" + component.name() +
+             "'. Known: " + JoinNames(catalogue_.NamesOf(kind, trait)));
+    };
+    need(spec.planner, kReportsPolicy, "reports its improved policy");
+    need(spec.model, kLearnsFromSearch, "learns from searches");
+    if (spec.run.Number("reanalyse") > 0 && spec.model.Has(kNeedsEnvironment)) {
+      refuse("run.reanalyse: expected a model that needs no environment, found '" +
+             spec.model.name() + "'; the states of its environment are not kept");
+    }
+  }
+
+  const Catalogue& catalogue_;
   std::string preset_;
   bool of_trained_run_;
   std::vector<ParameterInfo> run_parameters_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
 
 #include "host/acting/activity_clock.h"
 #include "host/acting/agent.h"
@@ -10,6 +11,7 @@
 #include "host/acting/joint_model.h"
 #include "host/settings/schedule.h"
 #include "host/sweeps/child_request.h"
+#include "host/training/reanalysis.h"
 #include "host/training/replay.h"
 #include "results/system/error.h"
 #include "results/text/json_fields.h"
@@ -67,6 +69,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   parts.SetPlanner(spec.planner);
   parts.environment = environment;
   parts.model_needs_environment = spec.model.Has(kNeedsEnvironment);
+  parts.policy_actions = spec.search_candidates();
   Agent explorer(parts);
   explorer.BeginEpisode(EpisodePurpose::kTraining, 0);
   costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
@@ -114,7 +117,8 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   }
 
   const std::uint64_t length = spec.run.Integer("sequence_length");
-  Replay replay(figures.observation_size, figures.action_size, 2 * length + 2);
+  Replay replay(figures.observation_size, figures.action_size, 2 * length + 2,
+                spec.search_candidates());
   replay.BeginEpisode(observed);
   for (std::uint64_t i = 0; i < 2 * length; ++i) {
     act();
@@ -126,10 +130,15 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
       static_cast<double>(replay.rows());
   std::vector<double> metrics(components.model().metrics.size);
   std::uint64_t update = 0;
+  std::unique_ptr<Reanalysis> reanalysis;
+  if (spec.run.Number("reanalyse") > 0) {
+    reanalysis = std::make_unique<Reanalysis>(spec, components, model.get());
+  }
   if (spec.model.Has(kLearns)) {
     costs.update = SecondsOf(0.5, [&] {
       TrainRequest request;
       request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
+      if (reanalysis != nullptr) reanalysis->Renew(request.batch, update, 0, &replay);
       request.seed = update;
       request.update = update++;
       ThrowUnlessOk(model->Train(request, {metrics.data(), metrics.size()}),

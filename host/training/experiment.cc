@@ -27,7 +27,8 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       model_(components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
-              Schedule(spec_, environment_->spec().episode_steps).replay_capacity()),
+              Schedule(spec_, environment_->spec().episode_steps).replay_capacity(),
+              spec_.search_candidates()),
       eval_every_(Schedule(spec_, environment_->spec().episode_steps).eval_every()),
       clock_(options.segment_started, options.gflop_per_second),
       observation_(environment_->spec().observation_size),
@@ -43,6 +44,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   parts.environment = environment_.get();
   parts.model_needs_environment = spec_.model.Has(kNeedsEnvironment);
   parts.run_seed = spec_.seed;
+  parts.policy_actions = spec_.search_candidates();
   agent_ = std::make_unique<Agent>(parts);
 
   const std::uint64_t together =
@@ -66,6 +68,10 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
       std::min<std::uint64_t>(environment_->spec().episode_steps, target_);
   plan_us_.reserve(episode_steps);
   episode_actions_.reserve(episode_steps * environment_->spec().action_size);
+
+  if (spec_.run.Number("reanalyse") > 0) {
+    reanalysis_ = std::make_unique<Reanalysis>(spec_, components_, model_.get());
+  }
 
   planner_metric_ids_ = MetricIds(spec_.planner, writer_);
   model_metric_ids_ = MetricIds(spec_.model, writer_);
@@ -177,6 +183,9 @@ void Experiment::MakeDecision() {
     decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step,
                               options_.record_trees ? &tree_ : nullptr);
     std::copy(agent_->action().begin(), agent_->action().end(), action_.begin());
+    if (spec_.search_candidates() > 0) {
+      replay_.SetSearch({agent_->policy_actions(), agent_->policy_weights(), decision.value});
+    }
   }
   HeldAction held;
   {
@@ -307,6 +316,10 @@ void Experiment::MakeUpdate() {
   request.batch = replay_.Sample(
       spec_.run.Integer("batch_size"), spec_.run.Integer("sequence_length"),
       SeedFor(spec_.seed, SeedUse::kReplay, EpisodePurpose::kTraining, at_.updates, 0));
+  if (reanalysis_ != nullptr) {
+    const ActivityScope planning(&clock_, Activity::kPlanning);
+    reanalysis_->Renew(request.batch, at_.updates, at_.env_step, &replay_);
+  }
   request.seed = SeedFor(spec_.seed, SeedUse::kTrain, EpisodePurpose::kTraining, at_.updates, 0);
   request.update = at_.updates;
   request.environment_step = at_.env_step;

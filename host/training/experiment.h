@@ -32,6 +32,7 @@
 #include "host/acting/joint_model.h"
 #include "host/saving/checkpoint.h"
 #include "host/settings/settings.h"
+#include "host/training/reanalysis.h"
 #include "host/training/replay.h"
 #include "host/training/run_loop.h"
 #include "results/database/run_writer.h"
@@ -195,7 +196,8 @@ class Experiment final : public RunLoop {
   std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is the actor alone
   std::unique_ptr<EpisodePlayers> actor_players_;
   Replay replay_;
-  const std::uint64_t eval_every_;  // environment steps
+  std::unique_ptr<Reanalysis> reanalysis_;  // null without run.reanalyse
+  const std::uint64_t eval_every_;          // environment steps
 
   ActivityClock clock_;
   Position at_;

@@ -9,13 +9,21 @@
 
 namespace dreamsearch {
 
-Replay::Replay(std::uint64_t observation_size, std::uint64_t action_size, std::uint64_t capacity)
-    : observation_size_(observation_size), action_size_(action_size), capacity_(capacity) {
+Replay::Replay(std::uint64_t observation_size, std::uint64_t action_size, std::uint64_t capacity,
+               std::uint64_t search_candidates)
+    : observation_size_(observation_size),
+      action_size_(action_size),
+      capacity_(capacity),
+      candidates_(search_candidates) {
   observations_ = std::make_unique_for_overwrite<float[]>(capacity * observation_size);
   actions_ = std::make_unique_for_overwrite<float[]>(capacity * action_size);
   rewards_ = std::make_unique_for_overwrite<float[]>(capacity);
   discounts_ = std::make_unique_for_overwrite<float[]>(capacity);
   is_first_ = std::make_unique_for_overwrite<std::uint8_t[]>(capacity);
+  if (candidates_ == 0) return;
+  search_actions_ = std::make_unique_for_overwrite<float[]>(capacity * candidates_ * action_size);
+  search_weights_ = std::make_unique_for_overwrite<float[]>(capacity * candidates_);
+  search_values_ = std::make_unique_for_overwrite<float[]>(capacity);
 }
 
 void Replay::BeginEpisode(View<const double> observation) {
@@ -29,6 +37,35 @@ void Replay::Add(View<const double> action, double reward, double discount,
   assert(!episodes_.empty() && !episodes_.back().finished);
   if (rows_ == capacity_) MakeRoom();
   Append(action, reward, discount, observation, false);
+}
+
+void Replay::Set(const RootSearch& search, std::uint64_t row, float* actions, float* weights,
+                 float* values) const {
+  assert(search.weights.size == candidates_ && search.actions.size() == candidates_ * action_size_);
+  const auto narrow = [](double value) { return static_cast<float>(value); };
+  std::transform(search.actions.data, search.actions.data + search.actions.size(),
+                 actions + row * candidates_ * action_size_, narrow);
+  std::transform(search.weights.begin(), search.weights.end(), weights + row * candidates_, narrow);
+  values[row] = narrow(search.value);
+}
+
+void Replay::SetSearch(const RootSearch& search) {
+  assert(!episodes_.empty() && !episodes_.back().finished);
+  Set(search, rows_ - 1, search_actions_.get(), search_weights_.get(), search_values_.get());
+}
+
+void Replay::RenewSearch(std::uint64_t batch_row, const RootSearch& search) {
+  const std::uint64_t row = RowOf(batch_row);
+  Set(search, row, search_actions_.get(), search_weights_.get(), search_values_.get());
+  Set(search, batch_row, batch_search_actions_.data(), batch_search_weights_.data(),
+      batch_search_values_.data());
+}
+
+std::uint64_t Replay::DecisionOf(std::uint64_t batch_row) const {
+  const std::uint64_t row = RowOf(batch_row);
+  std::uint64_t first = row;
+  while (is_first_[first] == 0) --first;
+  return row - first;
 }
 
 void Replay::EndEpisode() {
@@ -49,6 +86,12 @@ void Replay::Append(View<const double> action, double reward, double discount,
   rewards_[rows_] = static_cast<float>(reward);
   discounts_[rows_] = static_cast<float>(discount);
   is_first_[rows_] = is_first ? 1 : 0;
+  if (candidates_ != 0) {  // until it is searched
+    std::fill_n(search_actions_.get() + rows_ * candidates_ * action_size_,
+                candidates_ * action_size_, 0.0f);
+    std::fill_n(search_weights_.get() + rows_ * candidates_, candidates_, 0.0f);
+    search_values_[rows_] = 0;
+  }
   ++rows_;
   ++episodes_.back().rows;
 }
@@ -78,6 +121,11 @@ void Replay::MakeRoom() {
   move_down(rewards_, 1);
   move_down(discounts_, 1);
   move_down(is_first_, 1);
+  if (candidates_ != 0) {
+    move_down(search_actions_, candidates_ * action_size_);
+    move_down(search_weights_, candidates_);
+    move_down(search_values_, 1);
+  }
   rows_ -= cut;
 }
 
@@ -113,10 +161,18 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
   batch_rewards_.resize(rows);
   batch_discounts_.resize(rows);
   batch_is_first_.resize(rows);
+  batch_starts_.resize(sequences);
+  batch_length_ = length;
+  if (candidates_ != 0) {
+    batch_search_actions_.resize(rows * candidates_ * action_size_);
+    batch_search_weights_.resize(rows * candidates_);
+    batch_search_values_.resize(rows);
+  }
 
   Random random(seed);
   for (std::uint64_t b = 0; b < sequences; ++b) {
     const std::uint64_t start = DrawStart(length, longest, finished, &random);
+    batch_starts_[b] = start;
     const auto copy = [&](const auto& from, auto& to, std::uint64_t width) {
       std::copy_n(from.get() + start * width, length * width,
                   to.begin() + static_cast<std::ptrdiff_t>(b * length * width));
@@ -126,6 +182,10 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
     copy(rewards_, batch_rewards_, 1);
     copy(discounts_, batch_discounts_, 1);
     copy(is_first_, batch_is_first_, 1);
+    if (candidates_ == 0) continue;
+    copy(search_actions_, batch_search_actions_, candidates_ * action_size_);
+    copy(search_weights_, batch_search_weights_, candidates_);
+    copy(search_values_, batch_search_values_, 1);
   }
   SequenceBatch batch;
   batch.sequences = sequences;
@@ -135,6 +195,12 @@ SequenceBatch Replay::Sample(std::uint64_t sequences, std::uint64_t length, std:
   batch.rewards = {batch_rewards_.data(), rows};
   batch.discounts = {batch_discounts_.data(), rows};
   batch.is_first = {batch_is_first_.data(), rows};
+  if (candidates_ != 0) {
+    batch.search_candidates = candidates_;
+    batch.search_actions = {batch_search_actions_.data(), rows * candidates_, action_size_};
+    batch.search_weights = {batch_search_weights_.data(), rows * candidates_};
+    batch.search_values = {batch_search_values_.data(), rows};
+  }
   return batch;
 }
 
@@ -156,6 +222,10 @@ void Replay::Save(StateWriter* writer) const {
   writer->Array("rewards", rewards_.get(), rows_);
   writer->Array("discounts", discounts_.get(), rows_);
   writer->Array("is_first", is_first_.get(), rows_);
+  if (candidates_ == 0) return;
+  writer->Array("search_actions", search_actions_.get(), rows_ * candidates_ * action_size_);
+  writer->Array("search_weights", search_weights_.get(), rows_ * candidates_);
+  writer->Array("search_values", search_values_.get(), rows_);
 }
 
 void Replay::Load(StateReader* reader) {
@@ -190,6 +260,11 @@ void Replay::Load(StateReader* reader) {
   reader->Array("rewards", rewards_.get(), rows);
   reader->Array("discounts", discounts_.get(), rows);
   reader->Array("is_first", is_first_.get(), rows);
+  if (candidates_ != 0) {
+    reader->Array("search_actions", search_actions_.get(), rows * candidates_ * action_size_);
+    reader->Array("search_weights", search_weights_.get(), rows * candidates_);
+    reader->Array("search_values", search_values_.get(), rows);
+  }
   rows_ = rows;
   episodes_ = std::move(episodes);
   finished_rows_ = finished_rows;

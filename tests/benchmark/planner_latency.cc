@@ -3,6 +3,7 @@
 //
 //     tests/bin/planner_latency [--planner NAME[,NAME...]] [decisions]
 //     tests/bin/planner_latency --tasks [decisions]
+//     tests/bin/planner_latency --roots [decisions]
 //
 // Every planner decides on a latent of the Dreamer model (preset `paper`, sizes of
 // walker_walk). Times are CPU time of the thread, the median over decisions; run it on
@@ -17,17 +18,22 @@
 //
 // --tasks: the paper's 20 tasks, each with its own observations and actions, against the
 // time that two environment steps (action repeat 2) take in the simulated world.
+//
+// --roots: the tree searches from 1 root and from 64 that are planned together, as the search
+// targets are made anew (host/training/reanalysis.h): time a node and their ratio.
 #include <time.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <numeric>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "dreamsearch/planning.h"
+#include "host/acting/joint_model.h"
 #include "tests/benchmark/yardstick.h"
 #include "tests/plugins/planners/loaded_planner.h"
 
@@ -301,30 +307,80 @@ void RunTasks(int decisions) {
   }
 }
 
+// Seconds a node with that many roots, which differ, planned together; the median.
+double SecondsANode(Subject* subject, const char* name, std::size_t roots, int decisions) {
+  JointModel joint(subject->model(), roots);
+  std::vector<std::unique_ptr<LoadedPlanner>> planners;
+  LatentBuffer latents(roots, subject->model()->latent_bytes());
+  std::vector<double> observation(kObservations), action(kActions);
+  for (std::size_t i = 0; i < roots; ++i) {
+    planners.push_back(std::make_unique<LoadedPlanner>(name, joint.seat(i)));
+    std::fill(observation.begin(), observation.end(), 0.01 * static_cast<double>(i));
+    const std::uint64_t seed = i;
+    Subject::Check(
+        subject->model()->Observe({.previous = subject->root(),
+                                   .actions = {action.data(), 1, kActions},
+                                   .observations = {observation.data(), 1, kObservations},
+                                   .seeds = {&seed, 1}},
+                                  latents.row(i)));
+  }
+  std::vector<Decision> made(roots);
+  PlanOptions options{.explore = true, .tree = false, .policy = 8};
+  const auto plan = [&] {
+    ++options.seed;
+    joint.Run([&](std::size_t i) { made[i] = planners[i]->Plan(latents.row(i), options); });
+  };
+  plan();
+  double nodes = 0;
+  for (const Decision& decision : made) {
+    Subject::Check(decision.status);
+    nodes += decision.result.nodes;
+  }
+  return MedianSeconds(decisions, plan) / nodes;
+}
+
+void RunRoots(int decisions) {
+  std::printf("%-12s %-9s %16s %16s %8s\n", "us a node", "", "1 root", "64 roots", "ratio");
+  for (const char* precision : {"float", "bfloat16"}) {
+    Subject subject(precision, kObservations, kActions);
+    for (const char* planner : {"mcts_pw", "mcts_fixed", "mcts_gumbel", "hoot"}) {
+      const double one = SecondsANode(&subject, planner, 1, 8 * decisions);
+      const double many = SecondsANode(&subject, planner, 64, decisions);
+      std::printf("%-12s %-9s %16.1f %16.1f %8.2f\n", planner, precision, 1e6 * one, 1e6 * many,
+                  many / one);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace dreamsearch
 
 int main(int argc, char** argv) {
   dreamsearch::LibraryProducts(argv);
   std::vector<std::string> arguments(argv + 1, argv + argc);
-  bool tasks = false;
+  bool tasks = false, roots = false;
   std::vector<std::string> only;
-  if (!arguments.empty() && arguments[0] == "--tasks") {
-    tasks = true;
+  if (!arguments.empty() && (arguments[0] == "--tasks" || arguments[0] == "--roots")) {
+    tasks = arguments[0] == "--tasks";
+    roots = !tasks;
     arguments.erase(arguments.begin());
   } else if (arguments.size() > 1 && arguments[0] == "--planner") {
     std::istringstream names(arguments[1]);
     for (std::string name; std::getline(names, name, ',');) only.push_back(name);
     arguments.erase(arguments.begin(), arguments.begin() + 2);
   }
-  const int decisions = arguments.empty() ? (tasks ? 20 : 100) : std::atoi(arguments[0].c_str());
+  const int decisions =
+      arguments.empty() ? (tasks || roots ? 20 : 100) : std::atoi(arguments[0].c_str());
   if (decisions < 1 || arguments.size() > 1) {
     std::fprintf(stderr,
-                 "usage: planner_latency [--tasks | --planner NAME[,NAME...]] [decisions]\n");
+                 "usage: planner_latency [--tasks | --roots | --planner NAME[,NAME...]] "
+                 "[decisions]\n");
     return 64;
   }
   if (tasks) {
     dreamsearch::RunTasks(decisions);
+  } else if (roots) {
+    dreamsearch::RunRoots(decisions);
   } else {
     dreamsearch::Run(only, decisions);
   }

@@ -194,5 +194,78 @@ TEST(Replay, SaysWhatDoesNotFit) {
   }
 }
 
+// An episode whose even rows were searched: row i found the actions +-i / 100 and the value i.
+void AddSearchedEpisode(Replay* replay, int episode, int decisions) {
+  std::vector<double> observation = {double(episode), 0};
+  replay->BeginEpisode({observation.data(), 2});
+  for (int i = 0; i < decisions; ++i) {
+    const std::vector<double> actions = {i / 100.0, -i / 100.0}, weights = {0.75, 0.25};
+    if (i % 2 == 0) replay->SetSearch({{actions.data(), 2, 1}, {weights.data(), 2}, double(i)});
+    observation[1] = i + 1;
+    const double action = i + 1;
+    replay->Add({&action, 1}, i + 1, 1, {observation.data(), 2});
+  }
+  replay->EndEpisode();
+}
+
+void ExpectSearches(const SequenceBatch& batch, int last) {
+  ASSERT_EQ(batch.search_candidates, 2u);
+  ASSERT_EQ(batch.search_actions.rows, 2 * batch.observations.rows);
+  for (std::uint64_t row = 0; row < batch.observations.rows; ++row) {
+    const int i = static_cast<int>(batch.observations(row, 1));
+    const bool searched = i % 2 == 0 && i < last;
+    EXPECT_EQ(batch.search_weights[2 * row], searched ? 0.75f : 0.0f);
+    EXPECT_EQ(batch.search_weights[2 * row + 1], searched ? 0.25f : 0.0f);
+    EXPECT_EQ(batch.search_values[row], searched ? static_cast<float>(i) : 0.0f);
+    EXPECT_EQ(batch.search_actions(2 * row, 0), searched ? static_cast<float>(i / 100.0) : 0.0f);
+    EXPECT_EQ(batch.search_actions(2 * row + 1, 0),
+              searched ? static_cast<float>(-i / 100.0) : 0.0f);
+  }
+}
+
+TEST(ReplaySearches, StandBesideTheObservationThatTheyBeganFrom) {
+  Replay replay(2, 1, 100, 2);
+  for (int episode = 0; episode < 9; ++episode) AddSearchedEpisode(&replay, episode, 20);
+  ASSERT_LT(replay.rows(), 9 * 21u) << "nothing had to make room";
+  for (std::uint64_t seed = 0; seed < 20; ++seed) ExpectSearches(replay.Sample(4, 6, seed), 20);
+}
+
+TEST(ReplaySearches, ComeBackFromASave) {
+  Replay replay(2, 1, 100, 2);
+  AddSearchedEpisode(&replay, 0, 20);
+  AddSearchedEpisode(&replay, 1, 30);
+  Replay loaded(2, 1, 100, 2);
+  Load(Saved(replay), &loaded);
+  EXPECT_EQ(Saved(loaded), Saved(replay));
+  ExpectSearches(loaded.Sample(2, 20, 1), 31);
+}
+
+TEST(ReplaySearches, MadeAnewStandInTheBatchAndInEveryLaterOne) {
+  Replay replay(2, 1, 100, 2);
+  AddSearchedEpisode(&replay, 0, 20);
+  AddSearchedEpisode(&replay, 1, 20);
+  const SequenceBatch batch = replay.Sample(3, 5, 7);
+  const std::uint64_t row = 2 * 5 + 3;
+  EXPECT_EQ(replay.DecisionOf(row), static_cast<std::uint64_t>(batch.observations(row, 1)));
+  const std::vector<double> actions = {0.5, 0.25}, weights = {1, 0};
+  replay.RenewSearch(row, {{actions.data(), 2, 1}, {weights.data(), 2}, -3});
+  for (const SequenceBatch& seen : {batch, replay.Sample(3, 5, 7)}) {
+    EXPECT_EQ(seen.search_actions(2 * row, 0), 0.5f);
+    EXPECT_EQ(seen.search_actions(2 * row + 1, 0), 0.25f);
+    EXPECT_EQ(seen.search_weights[2 * row], 1.0f);
+    EXPECT_EQ(seen.search_weights[2 * row + 1], 0.0f);
+    EXPECT_EQ(seen.search_values[row], -3.0f);
+  }
+}
+
+TEST(ReplaySearches, OfARunThatKeepsNoneAreNeitherInABatchNorInASave) {
+  Replay replay(2, 1, 100);
+  AddEpisode(&replay, 0, 20);
+  const SequenceBatch batch = replay.Sample(2, 5, 1);
+  EXPECT_EQ(batch.search_candidates, 0u);
+  EXPECT_EQ(batch.search_weights.size, 0u);
+  EXPECT_EQ(Saved(replay).find("search"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace dreamsearch
