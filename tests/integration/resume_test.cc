@@ -164,7 +164,9 @@ TEST_F(ResumeTest, ARefusedRunDoesNotKeepTheOthers) {
   Unfinish();
   const ProgramResult all = place_.Runner({"resume", "all", "--db", "r.db"});
   EXPECT_EQ(all.exit_status, 69) << all.err;
-  EXPECT_NE(all.err.find("refused: run 1 was begun with another"), std::string::npos) << all.err;
+  EXPECT_NE(all.err.find("refused: run 1 cannot resume, because something changed"),
+            std::string::npos)
+      << all.err;
   EXPECT_EQ(dreamer(), "finished, queued");
 }
 

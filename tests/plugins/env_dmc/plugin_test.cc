@@ -70,7 +70,7 @@ TEST(Plugin, EnvironmentsBehaveAsTheTasksInside) {
       ASSERT_EQ(observation, inside.observation);
       ASSERT_EQ(result.reward, inside.result.reward);
     }
-    EXPECT_EQ(environment->Render({}, {}).code, StatusCode::kUnimplemented);
+    EXPECT_EQ(environment->Render({}, {}).code, StatusCode::kInvalidArgument);
     environment->Destroy();
   }
 }
