@@ -46,7 +46,6 @@ TEST(Refusal, NamesWhatIsKnownAndWritesNothing) {
        "run.reanalyse: expected run.search_targets=true beside it"},
       {{"--planner", "mcts_pw"}, 2, "--env"},
       {{"trian"}, 2, "no command 'trian'"},
-      {{"render"}, 2, "no command 'render'"},
       {{"status", "--db", "absent.db"}, 66, "absent.db"},
   };
   const Workplace place;
