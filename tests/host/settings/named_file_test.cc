@@ -11,6 +11,7 @@
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/sha256.h"
+#include "results/system/temporary_folder.h"
 #include "tests/host/refusal.h"
 #include "tests/host/settings/test_catalogue.h"
 
@@ -25,12 +26,11 @@ Setting CommandLine(const std::string& key, const std::string& value) {
 
 class NamedFile : public testing::Test {
  protected:
-  NamedFile() : folder_(std::filesystem::path(testing::TempDir()) / "named_file") {
+  NamedFile() {
     std::filesystem::create_directories(folder_ / "worlds");
     WriteFile((folder_ / "worlds/ball.xml").string(), "<mujoco/>");
     WriteFile((folder_ / "world.py").string(), "pass");
   }
-  ~NamedFile() override { std::filesystem::remove_all(folder_); }
 
   static RunSpec Bridge(const Setting& setting) {
     Options options = Base();
@@ -45,7 +45,8 @@ class NamedFile : public testing::Test {
     ExpectRefusal([&] { Bridge(setting); }, ExitCode::kNotFound, parts);
   }
 
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(NamedFile, IsRelativeToTheFolderOfTheFileThatNamesIt) {
