@@ -36,6 +36,7 @@ constexpr ParameterSpec kParameters[] = {
                   "c_scale of sigma (0.1 in DeepMind's library, 1 in the paper's Go)."),
     RealParameter("gumbel_scale", 1, 0, 1e6, "",
                   "Multiplies the root's Gumbel noise while exploring (Danihelka et al. 2022)."),
+    kEqualDepthParameter,
     kEdgeRewardParameter,
     kNoiseParameter,
     kLeafBatchParameter,

@@ -43,6 +43,7 @@ constexpr ParameterSpec kParameters[] = {
     RealParameter("alpha", 1, 1e-3, 10, "",
                   "Smoothness: returns of actions at distance d differ by about d^alpha (Bubeck et "
                   "al. 2011, example 1)."),
+    kEqualDepthParameter,
     kEdgeRewardParameter,
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on the played action while exploring "

@@ -1,5 +1,6 @@
 #include "tree_planner.h"
 
+#include <algorithm>
 #include <cassert>
 
 namespace dreamsearch {
@@ -11,7 +12,8 @@ enum Stream : std::uint64_t {
   kCandidateNoise = 2,
   kImagine = 3,
   kPlayedNoise = 4,
-  kSearch = 5
+  kSearch = 5,
+  kRollout = 6
 };
 
 }  // namespace
@@ -25,10 +27,22 @@ TreePlanner::TreePlanner(const PlannerContext& context, std::uint64_t max_edges)
       noise_std_(context.parameters.GetReal("noise_std")),
       reuse_tree_(context.parameters.GetBool("reuse_tree")),
       edge_reward_(context.parameters.GetBool("edge_reward")),
+      equal_depth_(static_cast<Index>(context.parameters.GetInt("equal_depth"))),
       values_(context, leaf_batch_) {
   if (leaf_batch_ > 1) {
     batch_latents_ = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
     batch_actions_.resize(leaf_batch_ * sizes_.action_size);
+  }
+  if (equal_depth_ > 0) {
+    for (LatentBuffer& latents : rollout_latents_) {
+      latents = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
+    }
+    rollout_order_.resize(leaf_batch_);
+    rollout_actions_.resize(leaf_batch_ * sizes_.action_size);
+    for (auto* numbers : {&rollout_rewards_, &rollout_discounts_, &rollout_values_,
+                          &rollout_returns_, &rollout_factors_}) {
+      numbers->resize(leaf_batch_);
+    }
   }
   seeds_.resize(leaf_batch_);
   mode_.resize(sizes_.action_size);
@@ -176,11 +190,76 @@ Status TreePlanner::EvaluatePending() noexcept {
   const Latents latents = tree_.latents(first, count);
   Status status = model_->Imagine(
       request, {latents, tree_.rewards(first, count), tree_.discounts(first, count)});
-  if (status.ok()) status = AskValues(first, count);
+  if (status.ok()) {
+    status = equal_depth_ > 0 ? RollOut(first, count) : AskValues(first, count);
+  }
   if (status.ok()) status = CheckFinite("a reward", tree_.rewards(first, count));
   if (status.ok()) status = CheckFinite("a discount", tree_.discounts(first, count));
   if (status.ok()) tree_.MarkEvaluated();
   return status;
+}
+
+Status TreePlanner::RollOut(Index first, Index count) noexcept {
+  const auto left = [&](Index leaf) {
+    const Index depth = tree_.depth(first + leaf);
+    return depth < equal_depth_ ? equal_depth_ - depth : 0;
+  };
+  for (Index i = 0; i < count; ++i) rollout_order_[i] = i;
+  std::sort(rollout_order_.begin(), rollout_order_.begin() + count,
+            [&](Index a, Index b) { return left(a) != left(b) ? left(a) > left(b) : a < b; });
+  for (Index row = 0; row < count; ++row) {
+    rollout_latents_[0].Set(row, tree_.latents(first + rollout_order_[row], 1));
+    rollout_returns_[row] = 0;
+    rollout_factors_[row] = 1;
+  }
+  const auto under_way = [&](Index step) {  // rows that have a step-th transition
+    Index rows = 0;
+    while (rows < count && left(rollout_order_[rows]) >= step) ++rows;
+    return rows;
+  };
+  for (Index step = 1, rows = count;; ++step) {
+    const LatentBuffer& here = rollout_latents_[(step - 1) % 2];
+    const Index next = under_way(step);
+    // Rows that have arrived are valued.
+    if (rows > next) {
+      const Index arrived = rows - next;
+      const View<double> values{rollout_values_.data() + next, arrived};
+      Status status = values_.Ask(model_, {here.row(next).data, arrived, sizes_.latent_bytes},
+                                  explore_, values);
+      if (status.ok()) status = CheckFinite("a value", values);
+      if (!status.ok()) return status;
+      for (Index row = next; row < rows; ++row) {
+        tree_.values(first + rollout_order_[row], 1)[0] =
+            rollout_returns_[row] + rollout_factors_[row] * rollout_values_[row];
+      }
+    }
+    if (next == 0) return OkStatus();
+    const ConstLatents from{here.row(0).data, next, sizes_.latent_bytes};
+    const MatrixView<double> actions{rollout_actions_.data(), next, sizes_.action_size};
+    Status status = model_->ProposeMode(from, actions);
+    if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
+    for (Index row = 0; row < next; ++row) {
+      seeds_[row] =
+          DeriveSeed(DeriveSeed(DeriveSeed(seed_, kRollout), first + rollout_order_[row]), step);
+    }
+    const View<double> rewards{rollout_rewards_.data(), next};
+    const View<double> discounts{rollout_discounts_.data(), next};
+    if (status.ok()) {
+      status =
+          model_->Imagine({.latents = from,
+                           .actions = {actions.data, next, sizes_.action_size},
+                           .seeds = {seeds_.data(), next}},
+                          {rollout_latents_[step % 2].middle_rows(0, next), rewards, discounts});
+    }
+    if (status.ok()) status = CheckFinite("a reward", rewards);
+    if (status.ok()) status = CheckFinite("a discount", discounts);
+    if (!status.ok()) return status;
+    for (Index row = 0; row < next; ++row) {
+      rollout_returns_[row] += rollout_factors_[row] * rewards[row];
+      rollout_factors_[row] *= discounts[row];
+    }
+    rows = next;
+  }
 }
 
 Status TreePlanner::AskValues(Index first, Index count) noexcept {

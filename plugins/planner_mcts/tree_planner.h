@@ -33,6 +33,11 @@ constexpr ParameterSpec kReuseParameter =
     BoolParameter("reuse_tree", false,
                   "Keep the chosen action's subtree for the next decision; its visits count "
                   "towards the simulations. Dropped when noise changed the action.");
+constexpr ParameterSpec kEqualDepthParameter = IntParameter(
+    "equal_depth", 0, 0, 1000, "transitions",
+    "Carry each leaf on by the actor's mode to this depth below the root before its "
+    "value is asked, so that all returns look equally far ahead, as those of `rollout` "
+    "do; 0: its value at once (Koul et al. 2020).");
 constexpr ParameterSpec kEdgeRewardParameter =
     BoolParameter("edge_reward", true,
                   "Count an edge's own reward in its Q; false is the equation as printed in the "
@@ -109,6 +114,8 @@ class TreePlanner : public Planner {
   Status Search(std::uint64_t budget) noexcept;
   Status SelectLeaf(Index* leaf, bool* collided) noexcept;
   Status EvaluatePending() noexcept;
+  // The values of the nodes [first, first + count), by the actor's rollouts to equal_depth.
+  Status RollOut(Index first, Index count) noexcept;
   double RootVisitEntropy() const noexcept;
 
   const PlannerSizes sizes_;
@@ -117,6 +124,7 @@ class TreePlanner : public Planner {
   const double noise_std_;
   const bool reuse_tree_;
   const bool edge_reward_;
+  const Index equal_depth_;
   SearchValues values_;
   LatentModel* model_ = nullptr;
 
@@ -127,8 +135,13 @@ class TreePlanner : public Planner {
   LatentBuffer batch_latents_;         // [leaf_batch], unused when it is 1
   std::vector<std::uint64_t> seeds_;   // [leaf_batch]
   std::vector<double> batch_actions_;  // [leaf_batch, A]
-  std::vector<double> mode_;           // [A]
-  std::vector<double> played_;         // [A]
+  // Of rollouts, unused without them; rows are leaves, those with the longest way first.
+  LatentBuffer rollout_latents_[2];
+  std::vector<Index> rollout_order_;
+  std::vector<double> rollout_actions_, rollout_rewards_, rollout_discounts_, rollout_values_,
+      rollout_returns_, rollout_factors_;
+  std::vector<double> mode_;    // [A]
+  std::vector<double> played_;  // [A]
 };
 
 }  // namespace dreamsearch

@@ -91,6 +91,60 @@ TEST(MctsFixed, VisitCountsOfTheFirstThreeSimulations) {
   }
 }
 
+// Reward 1 and value 0 everywhere, whatever is done: a return that stops at its leaf is its depth,
+// so the action that was sampled first looks best. At equal depth they are worth the same.
+TEST(Mcts, ReturnsOfEqualDepthDoNotFavourTheFirstAction) {
+  for (const char* name : {"mcts_pw", "mcts_fixed", "mcts_gumbel"}) {
+    for (const int batch : {1, 4}) {
+      ScriptedModel model = Numbered(Bandit([](double) { return 1.0; }, 1));
+      LoadedPlanner planner(name, &model,
+                            {{"simulations", 40}, {"equal_depth", 30}, {"leaf_batch", batch}});
+      const Decision decision = planner.Plan(AsLatents(kRoot));
+      ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+      for (const Edge& edge : decision.tree) {
+        if (edge.visits == 0) continue;
+        std::uint64_t depth = 1;
+        for (std::int64_t at = edge.parent; at >= 0;
+             at = decision.tree[static_cast<std::size_t>(at)].parent) {
+          ++depth;
+        }
+        EXPECT_DOUBLE_EQ(edge.q, static_cast<double>(30 - depth + 1)) << name << " " << batch;
+      }
+    }
+  }
+  ScriptedModel model = Numbered(Bandit([](double) { return 1.0; }, 1));
+  const auto most = [&](int equal_depth) {
+    LoadedPlanner planner("mcts_pw", &model, {{"simulations", 50}, {"equal_depth", equal_depth}});
+    std::uint64_t visits = 0;
+    for (const Edge& edge : Children(planner.Plan(AsLatents(kRoot)).tree, -1)) {
+      visits = std::max(visits, edge.visits);
+    }
+    return visits;
+  };
+  EXPECT_GE(most(0), 40u);
+  EXPECT_LE(most(60), 20u);
+}
+
+// The rollout follows the mode, here 0.5, and ends with the value: x' = x / 2 + a, reward x', value
+// x.
+TEST(Mcts, ALeafIsCarriedOnByTheActorsMode) {
+  ScriptedModel model = Numbered(Bandit([](double) { return 0.0; }, 1));
+  model.mode = [](const ScriptedState&, View<double> action) { action[0] = 0.5; };
+  model.value = [](const ScriptedState& state) { return state.x[0]; };
+  model.transition = [](const ScriptedState& state, ScriptedModel::Action a) {
+    ScriptedTransition step;
+    step.next.x[0] = 0.5 * state.x[0] + a[0];
+    step.reward = step.next.x[0];
+    step.discount = 0.5;
+    return step;
+  };
+  LoadedPlanner planner("mcts_pw", &model, {{"simulations", 1}, {"equal_depth", 3}});
+  const Decision decision = planner.Plan(AsLatents(kRoot));
+  const double x1 = decision.tree[0].a[0], x2 = x1 / 2 + 0.5, x3 = x2 / 2 + 0.5;
+  EXPECT_DOUBLE_EQ(decision.tree[0].value, x2 + 0.5 * x3 + 0.25 * x3);
+  EXPECT_DOUBLE_EQ(decision.tree[0].q, x1 + 0.5 * decision.tree[0].value);
+}
+
 // Every edge's N is one more than the visits below it, every Q is the mean of the
 // returns that its subtree implies.
 TEST(Mcts, CountsAndValuesAreConsistent) {
