@@ -9,7 +9,8 @@
 
 namespace dreamsearch {
 
-inline constexpr int kStopSignals[] = {SIGINT, SIGTERM, SIGUSR1, SIGHUP};
+// A cluster announces a limit or a pre-emption with one of the last three.
+inline constexpr int kStopSignals[] = {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU};
 
 inline int StopRequestSignal() { return SIGRTMIN; }
 

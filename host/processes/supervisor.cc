@@ -50,13 +50,22 @@ constexpr double kShareAgainSeconds = 0.25;
 
 std::atomic<int> stop_signals{0};
 
-void OnStopSignal(int) { ++stop_signals; }
+// Whether the process belongs to a job of Slurm, which has its own way of ending it at once.
+std::atomic<bool> in_slurm{false};
+
+// The system repeats SIGXCPU every second. In a job of Slurm a signal may come twice: to the batch
+// script, which forwards it, and to all processes.
+void OnStopSignal(int signal) {
+  const bool impatient = signal == SIGINT || (signal != SIGXCPU && !in_slurm);
+  if (impatient || stop_signals == 0) ++stop_signals;
+}
 
 // Counts stop signals while it lives, except those that were ignored before.
 class StopSignals {
  public:
   StopSignals() {
     stop_signals = 0;
+    in_slurm = std::getenv("SLURM_JOB_ID") != nullptr;
     struct sigaction action {};
     action.sa_handler = OnStopSignal;
     for (std::size_t i = 0; i < kCount; ++i) {

@@ -4,8 +4,8 @@
 // those that hang or overstay, and writes every run's final status. A worker that
 // crashes, hangs or eats memory costs its run, never the sweep.
 //
-// Stopping SIGINT, SIGTERM, SIGUSR1 or SIGHUP: workers finish their decision or
-//          update, checkpoint and end; a second one ends them at once. Either
+// Stopping any of kStopSignals: workers finish their decision or update, checkpoint and end; a
+//          second one ends them at once (a second SIGINT in a job of Slurm, never SIGXCPU). Either
 //          way every run can be resumed. A worker that was asked to end, by a
 //          signal or its time limit, and does not within a minute (within
 //          --hang-timeout if that is shorter) is killed. A signal that was ignored

@@ -194,7 +194,7 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   segment.host_id = database->Host(ThisHost());
   segment.build_id = database->Build(ThisBuild());
   segment.instruction_set = InstructionSetInUse();
-  if (const char* slurm = std::getenv("SLURM_JOB_ID")) segment.slurm_job = slurm;
+  AddSlurmJob(&segment);
   segment.gflop_per_second = MeasureGflopPerSecond();
   writer.BeginSegment(segment, point);
 

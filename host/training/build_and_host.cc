@@ -73,4 +73,20 @@ results::HostInfo ThisHost() {
   return host;
 }
 
+void AddSlurmJob(results::SegmentInfo* segment) {
+  const auto text = [](const char* name) {
+    const char* value = std::getenv(name);
+    return std::string(value == nullptr ? "" : value);
+  };
+  segment->slurm_job = text("SLURM_JOB_ID");
+  if (segment->slurm_job.empty()) return;
+  // Every task of an array has a job number of its own as well, by which nobody knows it.
+  if (const std::string array = text("SLURM_ARRAY_JOB_ID"); !array.empty()) {
+    segment->slurm_job = array + "_" + text("SLURM_ARRAY_TASK_ID");
+  }
+  segment->slurm_node = text("SLURMD_NODENAME");
+  // Set once a job was requeued.
+  segment->slurm_restarts = std::strtoll(text("SLURM_RESTART_COUNT").c_str(), nullptr, 10);
+}
+
 }  // namespace dreamsearch

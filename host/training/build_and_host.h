@@ -4,6 +4,7 @@
 #include <string>
 
 #include "results/database/database.h"
+#include "results/database/run_writer.h"
 
 namespace dreamsearch {
 
@@ -12,6 +13,9 @@ results::BuildInfo ThisBuild();
 
 // Name, processor, cores, memory and system of this machine.
 results::HostInfo ThisHost();
+
+// Of which job of Slurm this process is, if it is of one: job, restarts and node.
+void AddSlurmJob(results::SegmentInfo* segment);
 
 // The name of the instruction set that every kernel of this process computes with.
 // Products differ in their last bits between sets.

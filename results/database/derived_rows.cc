@@ -223,6 +223,8 @@ constexpr const char* kRecord[] = {
     " processor_seconds IS NOT NULL ORDER BY env_step, activity",
     "SELECT segment, gflop_per_second FROM segment WHERE run_id = ?1 AND gflop_per_second IS NOT"
     " NULL ORDER BY segment",
+    "SELECT segment, slurm_restarts, slurm_node FROM segment WHERE run_id = ?1 AND (slurm_restarts"
+    " IS NOT NULL OR slurm_node IS NOT NULL) ORDER BY segment",
     "SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq",
     "SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
     " ORDER BY kind, env_step, sha256, bytes",

@@ -98,13 +98,16 @@ void RunWriter::BeginSegment(const SegmentInfo& segment, const ResumePoint& poin
     connection_
         .Prepare(
             "INSERT INTO segment (run_id, segment, host_id, build_id, instruction_set, pid,"
-            " from_env_step, started_utc, rows_rolled_back, slurm_job, gflop_per_second)"
-            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)")
+            " from_env_step, started_utc, rows_rolled_back, slurm_job, gflop_per_second,"
+            " slurm_restarts, slurm_node)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)")
         .Bind(run_id_, number, segment.host_id,
               segment.build_id != 0 ? std::optional(segment.build_id) : std::nullopt,
               segment.instruction_set, segment.pid, point.env_step, now, rolled_back,
               segment.slurm_job.empty() ? std::nullopt : std::optional(segment.slurm_job),
-              segment.gflop_per_second > 0 ? std::optional(segment.gflop_per_second) : std::nullopt)
+              segment.gflop_per_second > 0 ? std::optional(segment.gflop_per_second) : std::nullopt,
+              segment.slurm_restarts,
+              segment.slurm_node.empty() ? std::nullopt : std::optional(segment.slurm_node))
         .Run();
     connection_
         .Prepare(

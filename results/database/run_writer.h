@@ -78,7 +78,9 @@ struct SegmentInfo {
   std::int64_t host_id = 0;
   std::int64_t build_id = 0;    // 0 when unknown
   std::string instruction_set;  // in use by this process
-  std::string slurm_job;        // empty outside Slurm
+  std::string slurm_job;        // "JOB", of an array "JOB_TASK"; empty outside Slurm
+  std::optional<std::int64_t> slurm_restarts = std::nullopt;  // of that job, so far
+  std::string slurm_node;                                     // empty outside Slurm
   double gflop_per_second = 0;  // of a large float product on one core, when it began
 };
 

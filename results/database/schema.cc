@@ -351,11 +351,14 @@ DROP TABLE chunk_digest;
 ALTER TABLE chunk_digest_2 RENAME TO chunk_digest;
 )sql";
 
-// What processor time was worth, so that runs of different machines have one axis.
+// What processor time was worth, so that runs of different machines have one axis; and where in
+// a cluster a segment ran.
 constexpr char kProcessorTime[] = R"sql(
 ALTER TABLE time_use ADD COLUMN processor_seconds REAL;
 ALTER TABLE time_use ADD COLUMN gflop REAL;
 ALTER TABLE segment ADD COLUMN gflop_per_second REAL;
+ALTER TABLE segment ADD COLUMN slurm_restarts INTEGER;
+ALTER TABLE segment ADD COLUMN slurm_node TEXT;
 )sql";
 
 }  // namespace

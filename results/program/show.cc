@@ -112,7 +112,8 @@ int Show::Run() {
   Query(rows, "Segments",
         "SELECT segment, hostname AS host, pid, from_env_step AS \"from\", to_env_step AS \"to\","
         " started_utc AS started, ended_utc AS ended, end_reason AS reason, rows_rolled_back AS"
-        " rolled_back, instruction_set, slurm_job FROM segment JOIN host USING (host_id)"
+        " rolled_back, instruction_set, slurm_job, slurm_restarts, slurm_node FROM segment JOIN "
+        "host USING (host_id)"
         " WHERE run_id = ?1 ORDER BY segment",
         run.run_id);
   Query(rows, "Events (the last 20)",

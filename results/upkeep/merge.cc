@@ -206,8 +206,9 @@ class Merger {
     Statement copy_segment = db_.Prepare(
         "INSERT INTO main.segment (run_id, segment, host_id, build_id, instruction_set, pid,"
         " from_env_step, to_env_step, started_utc, ended_utc, end_reason, rows_rolled_back,"
-        " slurm_job) SELECT ?2, segment, ?4, ?5, instruction_set, pid, from_env_step,"
-        " to_env_step, started_utc, ended_utc, end_reason, rows_rolled_back, slurm_job FROM"
+        " slurm_job, gflop_per_second, slurm_restarts, slurm_node) SELECT ?2, segment, ?4, ?5,"
+        " instruction_set, pid, from_env_step, to_env_step, started_utc, ended_utc, end_reason,"
+        " rows_rolled_back, slurm_job, gflop_per_second, slurm_restarts, slurm_node FROM"
         " source.segment WHERE run_id = ?1 AND segment = ?3");
     segments.Bind(from);
     while (segments.Step()) {

@@ -133,6 +133,55 @@ TEST_F(DeterminismTest, AStopSignalToSupervisorAndWorkerLeavesACheckpoint) {
   EXPECT_EQ(place_->Value("job.db", digest), place_->Value("reference.db", digest));
 }
 
+// Its batch script forwards what Slurm may also send to all of its processes.
+TEST_F(DeterminismTest, SignalsThatComeTwiceInAJobOfSlurmLeaveACheckpoint) {
+  const std::pair<const char*, const char*> variables[] = {{"SLURM_JOB_ID", "15"},
+                                                           {"SLURM_ARRAY_JOB_ID", "12"},
+                                                           {"SLURM_ARRAY_TASK_ID", "3"},
+                                                           {"SLURM_RESTART_COUNT", "2"},
+                                                           {"SLURMD_NODENAME", "n1"}};
+  for (const auto& [name, value] : variables) ::setenv(name, value, 1);
+  const pid_t pid = place_->Start(Arguments("slurm.db", "1"));
+  for (const auto& [name, value] : variables) ::unsetenv(name);
+  ASSERT_TRUE(WaitForStep(*place_, "slurm.db", 1100));
+  for (const int signal : {SIGUSR2, SIGTERM, SIGXCPU, SIGTERM}) ::kill(pid, signal);
+  const ProgramResult stopped = place_->Wait(pid);
+  EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
+  EXPECT_EQ(place_->Value("slurm.db",
+                          "select slurm_job, slurm_restarts, slurm_node, end_reason from segment "
+                          "where run_id = 1"),
+            "12_3|2|n1|interrupted");
+  EXPECT_EQ(place_->Value("slurm.db",
+                          "select max(a.env_step) = s.to_env_step from artifact a, segment s where "
+                          "s.run_id = 1 and a.run_id = 1 and a.kind = 'checkpoint'"),
+            "1");
+  const ProgramResult resumed = place_->Runner({"resume", "1", "--db", "slurm.db"});
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
+  EXPECT_EQ(place_->Value("slurm.db",
+                          "select slurm_job, slurm_restarts from segment where "
+                          "run_id = 1 and segment = 1"),
+            "NULL|NULL");
+  const std::string digest = "select result_digest from run where run_id = 1";
+  EXPECT_EQ(place_->Value("slurm.db", digest), place_->Value("reference.db", digest));
+}
+
+// The system repeats it every second once a process has used its processor time.
+TEST_F(DeterminismTest, ARepeatedSigxcpuLeavesACheckpoint) {
+  const pid_t pid = place_->Start(Arguments("limit.db", "1"));
+  ASSERT_TRUE(WaitForStep(*place_, "limit.db", 1100));
+  for (int i = 0; i < 3; ++i) {
+    ::kill(pid, SIGXCPU);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  const ProgramResult stopped = place_->Wait(pid);
+  EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
+  EXPECT_EQ(place_->Value("limit.db",
+                          "select max(a.env_step) = s.to_env_step and s.to_env_step >= 1100 from "
+                          "artifact a, segment s where s.run_id = 1 and a.run_id = 1 and a.kind = "
+                          "'checkpoint'"),
+            "1");
+}
+
 TEST_F(DeterminismTest, AWorkerWhoseSupervisorDiedLeavesACheckpoint) {
   const pid_t pid = place_->Start(Arguments("orphan.db", "1"));
   ASSERT_TRUE(WaitForStep(*place_, "orphan.db", 1100));

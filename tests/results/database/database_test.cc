@@ -230,6 +230,8 @@ TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
                              "; ALTER TABLE time_use DROP COLUMN processor_seconds;"
                              " ALTER TABLE time_use DROP COLUMN gflop;"
                              " ALTER TABLE segment DROP COLUMN gflop_per_second;"
+                             " ALTER TABLE segment DROP COLUMN slurm_restarts;"
+                             " ALTER TABLE segment DROP COLUMN slurm_node;"
                              " PRAGMA user_version = " +
                              std::to_string(SchemaVersion() - 1));
   }

@@ -19,7 +19,12 @@ void Record(Database* db, const RunSettings& settings, std::int64_t episodes,
             RunStatus status = RunStatus::kFinished) {
   const std::int64_t run = MakeRun(db, settings);
   RunWriter writer(db, run);
-  writer.BeginSegment(MakeSegment(db));
+  SegmentInfo segment = MakeSegment(db);
+  segment.slurm_job = "12_3";
+  segment.slurm_restarts = 1;
+  segment.slurm_node = "n1";
+  segment.gflop_per_second = 50;
+  writer.BeginSegment(segment);
   const std::int64_t metric = writer.Metric("loss " + std::to_string(settings.seed), "nats", "x");
   for (std::int64_t e = 0; e < episodes; ++e) {
     for (std::int64_t i = 1; i <= 10; ++i) {
@@ -60,8 +65,9 @@ std::vector<std::string> Everything(Database* db) {
         "SELECT uuid, x.* FROM artifact x JOIN run USING (run_id)",
         "SELECT uuid, x.* FROM curve_bin x JOIN run USING (run_id)",
         "SELECT uuid, x.* FROM chunk_digest x JOIN run USING (run_id)",
-        "SELECT uuid, h.hostname, x.pid, x.from_env_step FROM segment x JOIN run USING (run_id)"
-        " JOIN host h USING (host_id)",
+        "SELECT uuid, h.hostname, x.pid, x.from_env_step, x.gflop_per_second, x.slurm_job,"
+        " x.slurm_restarts, x.slurm_node FROM segment x JOIN run USING (run_id) JOIN host h USING "
+        "(host_id)",
         "SELECT * FROM published"}) {
     Statement rows = db->connection().Prepare(sql);
     while (rows.Step()) {

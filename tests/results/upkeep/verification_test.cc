@@ -120,6 +120,7 @@ TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
            {"UPDATE build SET flags = 'x'", "UPDATE build SET flags = ''"},
            {"UPDATE host SET cores = 3", "UPDATE host SET cores = 2"},
            {"UPDATE segment SET pid = pid + 1", "UPDATE segment SET pid = pid - 1"},
+           {"UPDATE segment SET slurm_node = 'n1'", "UPDATE segment SET slurm_node = NULL"},
            {"UPDATE event SET detail = 'After the end'",
             "UPDATE event SET detail = 'after the end'"},
            {"UPDATE study SET name = 'defaulu'", "UPDATE study SET name = 'default'"}}) {
