@@ -17,6 +17,7 @@ Command RenderCommand();
 Command ResumeCommand();
 Command RunCommand();  // without a command's name
 Command StatusCommand();
+Command SubmitCommand();
 Command VerifyCommand();
 
 // Child processes, which load the plugins.
