@@ -1,0 +1,207 @@
+#!/usr/bin/env python3
+"""Twelve runs on a real Slurm, one requeued, one killed and one that fails.
+
+sweep_test.py BIN FAULTY starts a cluster of this machine, submits with BIN/runner, with the test
+plugins of the folder FAULTY, and compares with the same runs done here. Ends with 77 where Slurm is
+not installed.
+
+sweep_test.py BIN FAULTY --measure N times N runs instead: the submission, what a task adds to its
+run, and the merge.
+"""
+import os
+import pathlib
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.dont_write_bytecode = True
+import cluster
+
+PATIENCE = 600
+SETTINGS = ["run.prefill_steps=1000", "run.pretrain_updates=4", "run.train_every=250",
+            "run.batch_size=4", "run.sequence_length=8", "run.eval_episodes=1",
+            "run.eval_every=2000", "run.checkpoint_every=1000", "model.hidden=16",
+            "model.deterministic=16", "model.stochastic=4", "model.imagination_starts=8",
+            "model.horizon=3"]
+
+
+class Sweep:
+    def __init__(self, binaries, faulty, folder):
+        self.binaries = pathlib.Path(binaries).resolve()
+        self.faulty = str(pathlib.Path(faulty).resolve())
+        # A space, and what Slurm would expand in a file name.
+        self.folder = folder / "the sweep 100%j"
+        self.place = folder
+
+    def flags(self, planner, steps, more=()):
+        words = ["--env", "cartpole_balance", "--planner", planner, "--steps", str(steps),
+                 "--plugin-path", self.faulty]
+        for setting in SETTINGS:
+            words += ["--set", setting]
+        return words + list(more)
+
+    def call(self, program, *words, expect=0):
+        done = subprocess.run([self.binaries / program, *words], cwd=self.place,
+                              capture_output=True, text=True)
+        assert done.returncode in (expect if isinstance(expect, tuple) else (expect,)), (
+            f"{program} {words} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}")
+        return done.stdout, done.stderr
+
+    def submit(self, planner, steps, *more, expect=0):
+        out, err = self.call("runner", "submit", "--folder", str(self.folder),
+                             *self.flags(planner, steps, more), expect=expect)
+        print(err, end="")
+        return out.split()
+
+    def databases(self):
+        return sorted((self.folder / "runs").glob("*.db"))
+
+    def query(self, database, sql):
+        try:
+            with sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=10) as connection:
+                return connection.execute(sql).fetchall()
+        except sqlite3.OperationalError:
+            return []  # not made yet
+
+    def log(self):
+        return "".join(f"--- {path}\n{path.read_text(errors='replace')}"
+                       for path in sorted((self.folder / "logs").glob("*")))
+
+
+def until(what, ready, seconds=PATIENCE):
+    end = time.monotonic() + seconds
+    while True:
+        found = ready()
+        if found:
+            return found
+        assert time.monotonic() < end, f"after {seconds} s still not: {what}"
+        time.sleep(0.05)
+
+
+def queue():
+    done = subprocess.run(["squeue", "--noheader", "--array", "--format=%F_%K %T"],
+                          capture_output=True, text=True)
+    return done.stdout.split("\n")[:-1]
+
+
+def active(sweep):
+    """Runs that have done some of their steps, as (job, pid, database)."""
+    found = []
+    for database in sweep.databases():
+        for row in sweep.query(database, "SELECT s.slurm_job, s.pid FROM run r JOIN segment s USING"
+                               " (run_id) WHERE r.status = 'running' AND r.env_steps_done >= 1000"
+                               " AND s.ended_utc IS NULL"):
+            found.append((*row, database))
+    return found
+
+
+def digests(database):
+    return dict(((task, planner, seed), digest) for task, planner, seed, digest in
+                sqlite3.connect(database).execute(
+                    "SELECT t.name, planner, seed, result_digest FROM run JOIN task t USING"
+                    " (task_id) WHERE status = 'finished'"))
+
+
+def test(sweep):
+    good, steps = 11, 12000
+    jobs = sweep.submit("random", steps, "--seeds", str(good))
+    assert len(jobs) == 2, jobs
+    # More of the same sweep, which waits for the first.
+    more = sweep.submit("throwing_planner", steps)
+    assert len(more) == 2, more
+
+    requeued, _, _ = until("a run to requeue", lambda: active(sweep))[0]
+    subprocess.run(["scontrol", "requeue", requeued], check=True)
+    print(f"requeued {requeued}")
+    killed, pid, killed_database = until("another run to kill", lambda: [
+        each for each in active(sweep) if each[0] != requeued])[0]
+    os.kill(pid, signal.SIGKILL)
+    print(f"killed the worker {pid} of {killed}")
+
+    until("the merge job's end", lambda: not queue())
+    status, _ = sweep.call("runner", "status", "--folder", str(sweep.folder))
+    print(status)
+    log = (sweep.folder / "logs" / f"merge_{more[1]}.log").read_text()
+    assert "cartpole_balance throwing_planner seed 0  failed" in log, log
+    assert f"  missing  " in log and log.count(" seed ") == 2, log
+    assert (sweep.folder / "report.html").stat().st_size > 10000
+
+    # The failed one is left, the killed one goes on from its checkpoint.
+    again = sweep.submit("random", steps, "--seeds", str(good))
+    assert len(again) == 2, again
+    assert sweep.submit("throwing_planner", steps, expect=71) == []
+    until("the second merge job's end", lambda: not queue())
+    assert sweep.submit("random", steps, "--seeds", str(good)) == []
+
+    segments = sweep.query(killed_database, "SELECT segment, from_env_step, slurm_job, slurm_node,"
+                           " slurm_restarts FROM segment ORDER BY segment")
+    assert segments[0][2] == killed and segments[1][2] == f"{again[0]}_0", segments
+    assert segments[1][1] >= 1000, segments
+    everything = sweep.folder / "all.db"
+    restarts = sweep.query(everything, "SELECT from_env_step, slurm_restarts, slurm_node FROM segment"
+                           f" WHERE slurm_job = '{requeued}' ORDER BY segment")
+    assert [row[1] for row in restarts] == [0, 1], restarts
+    assert restarts[1][0] >= 1000 and restarts[1][2], restarts
+
+    sweep.call("runner", "--db", "local.db", *sweep.flags("random", steps, ["--seeds", str(good)]))
+    sweep.call("runner", "--db", "local.db", *sweep.flags("throwing_planner", steps), expect=71)
+    expected, found = digests(sweep.place / "local.db"), digests(everything)
+    assert len(expected) == good and found == expected, (expected, found)
+    runs = sweep.query(everything, "SELECT planner, count(*), count(DISTINCT seed) FROM run"
+                       " GROUP BY planner ORDER BY planner")
+    assert runs == [("random", good, good), ("throwing_planner", 1, 1)], runs
+    sweep.call("results", "verify", "--db", str(everything))
+    print(f"{good} runs, each once, with the digests of a local sweep")
+
+
+def measure(sweep, count):
+    flags = sweep.flags("random", 500, ["--seeds", str(count)])
+    begun = time.monotonic()
+    sweep.call("runner", "submit", "--folder", str(sweep.folder), *flags)
+    print(f"submission of {count} runs: {time.monotonic() - begun:.2f} s")
+    until("the merge job's end", lambda: not queue(), 3600)
+    print(f"all done: {time.monotonic() - begun:.1f} s")
+    finished = len(digests(sweep.folder / "all.db"))
+    assert finished == count, f"{finished} of {count} runs are finished"
+    tasks = min(count, 20)
+    script = (sweep.folder / "jobs" / "array_1.sh").read_text()
+    for what, text in [("script of a task", re.sub("^runner=.*", "runner=true", script, flags=re.M)),
+                       ("the same with a runner that finds its run finished", script)]:
+        begun = time.monotonic()
+        for task in range(tasks):
+            subprocess.run(["bash", "-c", text], cwd=sweep.place, check=True, capture_output=True,
+                           env=dict(os.environ, SLURM_ARRAY_TASK_ID=str(task)))
+        print(f"{what}: {(time.monotonic() - begun) / tasks:.3f} s")
+    begun = time.monotonic()
+    sweep.call("runner", "submit", "--folder", str(sweep.folder), *flags, expect=(0, 2, 70))
+    print(f"the same command again: {time.monotonic() - begun:.2f} s")
+
+
+def main():
+    lacking = cluster.missing()
+    if lacking:
+        print(f"skipped: a Slurm of this machine cannot be started: {lacking}")
+        return 77
+    binaries, faulty = sys.argv[1:3]
+    with tempfile.TemporaryDirectory(prefix="slurm-") as name:
+        place = pathlib.Path(name)
+        with cluster.Cluster(place):
+            sweep = Sweep(binaries, faulty, place)
+            try:
+                if sys.argv[3:4] == ["--measure"]:
+                    measure(sweep, int(sys.argv[4]))
+                else:
+                    test(sweep)
+            except BaseException:
+                if sweep.folder.exists():
+                    print(sweep.log())
+                raise
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
