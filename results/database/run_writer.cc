@@ -1,3 +1,5 @@
+// run_writer.cc - over 400 lines: every kind of row has its statement, its queue and its digest,
+// and all of them are stored by one transaction.
 #include "results/database/run_writer.h"
 
 #include <algorithm>
