@@ -159,7 +159,9 @@ TEST(TaskThreads, ManyResizesLeaveEveryTaskRunOnceAndNoThreadTooMany) {
 }
 
 TEST(TaskThreads, ShrunkOrDestroyedItLeavesNoThreadBehind) {
-  const std::size_t before = Threads().size();
+  // The kernel lists a thread for a moment after it was joined: those of the tests before.
+  constexpr std::size_t before = 1;
+  ASSERT_TRUE(Within10Seconds([&] { return Threads().size() == before; }));
   {
     TaskThreads pool(6);
     EXPECT_EQ(Threads().size(), before + 5);
