@@ -1,7 +1,6 @@
 #include "host/clusters/slurm.h"
 
 #include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include <sstream>
 
 #include "host/processes/child_process.h"
+#include "results/system/child.h"
 #include "results/system/error.h"
 #include "results/system/file_descriptor.h"
 #include "results/text/shell.h"
@@ -64,8 +64,7 @@ Answer Ask(std::vector<std::string> words) {
     throw Failure(ExitCode::kInputOutput, "cannot start " + words[0] + ": " + std::strerror(error));
   }
   Answer answer;
-  while (::waitpid(pid, &answer.status, 0) < 0 && errno == EINTR) {
-  }
+  answer.status = WaitForEnd(pid);
   answer.out = Written(out);
   answer.err = Written(err);
   return answer;

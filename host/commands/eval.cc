@@ -5,6 +5,7 @@
 
 #include "host/acting/episode.h"
 #include "host/commands/commands.h"
+#include "host/commands/flags.h"
 #include "host/commands/progress.h"
 #include "host/commands/run_flags.h"
 #include "host/processes/supervisor.h"
@@ -103,10 +104,7 @@ int Eval::Run(const Words& words) {
     std::cerr << RunName(trained) << " after " << GroupDigits(trained.env_step)
               << " environment steps of training\n";
   } else {
-    const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
-    for (const std::string& warning : catalogue.warnings()) {
-      std::cerr << "warning: " << warning << "\n";
-    }
+    const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
   const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);

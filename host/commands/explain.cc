@@ -13,7 +13,7 @@
 #include "host/commands/page/embedded.h"
 #include "host/commands/progress.h"
 #include "host/films/filmed_episode.h"
-#include "host/sweeps/child_request.h"
+#include "host/processes/child_request.h"
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
 #include "host/training/evaluation.h"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -83,6 +84,14 @@ Flag PluginPathFlag(std::vector<std::string>* plugin_path) {
           "folders follow"};
 }
 
+Catalogue ScanPlugins(const std::vector<std::string>& plugin_path) {
+  Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path));
+  for (const std::string& warning : catalogue.warnings()) {
+    std::cerr << "warning: " << warning << "\n";
+  }
+  return catalogue;
+}
+
 std::vector<Flag> SeedFlags(std::vector<std::uint64_t>* seeds) {
   return {{"seeds", "N", Parsed(seeds, ParseSeedCount).Default("1"), "run the seeds 0 to N-1"},
           {"seed-list", "A,B,...", Parsed(seeds, ParseSeedList), "run these seeds"}};
@@ -108,12 +117,16 @@ FlagValue SettingOf(std::vector<Setting>* settings, const std::string& key) {
 
 FlagValue StudyName(std::string* study) { return Parsed(study, ParseStudyName).Default(*study); }
 
+Flag DatabaseFlag(ProcessOptions* process) {
+  const auto path = [](const std::string& text) { return std::filesystem::path(text); };
+  return {"db", "FILE", Parsed(&process->db, path).Default(process->db.string()),
+          "the results database"};
+}
+
 FlagGroup LimitFlags(ProcessOptions* process) {
   process->jobs = static_cast<int>(AvailableCores().count);
-  const auto path = [](const std::string& text) { return std::filesystem::path(text); };
   return {"Where and within which limits",
-          {{"db", "FILE", Parsed(&process->db, path).Default(process->db.string()),
-            "the results database"},
+          {DatabaseFlag(process),
            PluginPathFlag(&process->plugin_path),
            {"jobs", "N", Whole(&process->jobs, 1, 10000).Default("the number of cores"),
             "run this many worker processes at once; a run learns on the cores that no other "

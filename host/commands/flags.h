@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/plugins/catalogue.h"
 #include "host/settings/run_options.h"
 #include "results/command_line/database_flag.h"
 #include "results/command_line/values.h"
@@ -17,6 +18,9 @@ namespace dreamsearch {
 Flag RunArgument(std::string* run);
 Flag PluginPathFlag(std::vector<std::string>* plugin_path);
 
+// The plugins of that flag, which searches them; warnings go to standard error.
+Catalogue ScanPlugins(const std::vector<std::string>& plugin_path);
+
 // --seeds and --seed-list; a command that has them lists them as exclusive.
 std::vector<Flag> SeedFlags(std::vector<std::uint64_t>* seeds);
 // --set.
@@ -26,6 +30,8 @@ FlagValue SettingOf(std::vector<Setting>* settings, const std::string& key);
 // A study's name: some text in UTF-8.
 FlagValue StudyName(std::string* study);
 
+// --db of a command that has ProcessOptions.
+Flag DatabaseFlag(ProcessOptions* process);
 // --db, --plugin-path, --jobs and what a run may use.
 FlagGroup LimitFlags(ProcessOptions* process);
 // What to do with runs that were there before.

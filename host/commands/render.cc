@@ -100,11 +100,7 @@ struct Render {
                 "at most so many pictures a simulated second"},
                {"plain", "", Switch(&plain), "the scene alone, without text and bars"}}},
              {"Where to",
-              {{"db", "FILE",
-                Parsed(&process->db,
-                       [](const std::string& text) { return std::filesystem::path(text); })
-                    .Default(process->db.string()),
-                "the results database"},
+              {DatabaseFlag(process),
                PluginPathFlag(&process->plugin_path),
                {"out", "FILE", Text(&out).Default("runR_episodeI.mp4"),
                 "a video (.mp4, .webm, .gif), a sheet of twelve pictures (.png), or a folder for "
@@ -153,10 +149,7 @@ std::vector<Shown> Render::Begin() {
                     "whose planner could play");
     }
     CompleteEvaluation(&evaluation);
-    const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
-    for (const std::string& warning : catalogue.warnings()) {
-      std::cerr << "warning: " << warning << "\n";
-    }
+    const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
     name_ = specs.front().environment.name() + "_" + options.planners.front();
   }

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "host/commands/commands.h"
+#include "host/commands/flags.h"
 #include "host/commands/progress.h"
 #include "host/commands/run_flags.h"
 #include "host/plugins/catalogue.h"
@@ -178,10 +179,7 @@ struct Train {
 };
 
 int Train::Run(const Words& words) {
-  const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
-  for (const std::string& warning : catalogue.warnings()) {
-    std::cerr << "warning: " << warning << "\n";
-  }
+  const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
   const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
   WarnOfNoLearning(specs);
   const bool exists = std::filesystem::exists(options.process.db);

@@ -11,6 +11,7 @@
 #include "host/clusters/slurm.h"
 #include "host/clusters/submission.h"
 #include "host/commands/commands.h"
+#include "host/commands/flags.h"
 #include "host/commands/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/run_lock.h"
@@ -295,10 +296,7 @@ std::string Submit::SubmitMerge(const BatchPlace& place, const Queue& queue,
 
 int Submit::Run() {
   Check();
-  const Catalogue catalogue = Catalogue::Scan(PluginFolders(options.process.plugin_path));
-  for (const std::string& warning : catalogue.warnings()) {
-    std::cerr << "warning: " << warning << "\n";
-  }
+  const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
   const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
 
   FileDescriptor lock;

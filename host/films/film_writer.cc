@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "host/processes/child_process.h"
+#include "results/system/child.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/file_descriptor.h"
@@ -44,8 +44,7 @@ class Video final : public FilmWriter {
     if (pid_ > 0) {
       pipe_.Close();
       ::kill(pid_, SIGKILL);
-      while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-      }
+      WaitForEnd(pid_);
     }
     std::error_code ignored;
     std::filesystem::remove(temporary_, ignored);
@@ -112,13 +111,7 @@ class Video final : public FilmWriter {
                       "--out FOLDER/");
   }
 
-  int Wait() {
-    int status = 0;
-    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-    }
-    pid_ = -1;
-    return status;
-  }
+  int Wait() { return WaitForEnd(std::exchange(pid_, -1)); }
 
   [[noreturn]] void Fail() {
     pipe_.Close();

@@ -2,7 +2,6 @@
 
 #include <poll.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,9 +15,12 @@
 
 #include "host/acting/episode.h"
 #include "host/processes/child_process.h"
+#include "host/processes/child_request.h"
 #include "host/settings/settings.h"
 #include "host/training/evaluation.h"
+#include "results/system/child.h"
 #include "results/system/error.h"
+#include "results/text/json_fields.h"
 #include "results/text/json_text.h"
 #include "results/text/text.h"
 
@@ -28,28 +30,13 @@ namespace {
 // Simulated time that nobody would wait for, or that is not known: shown at this pace.
 constexpr double kLeastFramesPerSecond = 10;
 
-std::string LineOf(const Frame& frame, double frames_per_second) {
-  return results::JsonText({{"frames_per_second", frames_per_second},
-                            {"decision", frame.decision},
-                            {"seconds", frame.seconds},
-                            {"return", frame.episode_return},
-                            {"action", frame.action},
-                            {"value", frame.value},
-                            {"simulations", frame.simulations},
-                            {"depth", frame.depth}}) +
-         "\n";
-}
+constexpr char kPace[] = "frames_per_second";
 
 // What the child writes: a line of JSON and the scene's bytes for each frame; at the end, or
 // instead, a line with "end" or "error".
 class FrameSender {
  public:
-  FrameSender(const nlohmann::json& request, const RunSpec& spec)
-      : spec_(spec),
-        width_(request.at("width").get<std::uint32_t>()),
-        height_(request.at("height").get<std::uint32_t>()),
-        camera_(request.at("camera").get<std::uint32_t>()),
-        most_(request.at("most_frames_per_second").get<double>()) {}
+  FrameSender(const FilmRequest& request, const RunSpec& spec) : request_(request), spec_(spec) {}
 
   // The state after `decision` decisions; `held` led there, null at the start.
   void Arrive(std::uint64_t decision, Environment* environment, const HeldAction* held) {
@@ -57,7 +44,8 @@ class FrameSender {
     if (decision == 0) {
       const double seconds = spec.control_seconds * static_cast<double>(spec_.action_repeat());
       const double pace = seconds > 0 ? std::min(1 / seconds, 1e6) : 0;
-      every_ = static_cast<std::uint64_t>(std::max(1.0, std::ceil(pace / most_ - 1e-9)));
+      every_ = static_cast<std::uint64_t>(
+          std::max(1.0, std::ceil(pace / request_.most_frames_per_second - 1e-9)));
       frames_per_second_ = std::max(pace / static_cast<double>(every_), kLeastFramesPerSecond);
     } else {
       frame_.episode_return += held->reward;
@@ -66,10 +54,13 @@ class FrameSender {
     frame_.decision = decision;
     const bool last = held != nullptr && (held->last || !held->diverged.empty());
     if (decision % every_ != 0 && !last) return;
-    frame_.scene = SceneOf(environment, spec_.environment.name(), width_, height_, camera_);
+    frame_.scene = SceneOf(environment, spec_.environment.name(), request_.width, request_.height,
+                           request_.camera);
+    nlohmann::json line = results::FieldsToJson(frame_);
+    line[kPace] = frames_per_second_;
     const std::string_view pixels(reinterpret_cast<const char*>(frame_.scene.rgb.data()),
                                   frame_.scene.rgb.size());
-    if (!WriteAll(kReportDescriptor, LineOf(frame_, frames_per_second_)) ||
+    if (!WriteAll(kReportDescriptor, results::JsonText(line) + "\n") ||
         !WriteAll(kReportDescriptor, pixels)) {
       std::_Exit(0);  // nobody looks any more
     }
@@ -83,9 +74,8 @@ class FrameSender {
   }
 
  private:
+  const FilmRequest& request_;
   const RunSpec& spec_;
-  const std::uint32_t width_, height_, camera_;
-  const double most_;
   std::uint64_t every_ = 1;
   double frames_per_second_ = kLeastFramesPerSecond;
   Frame frame_;
@@ -96,8 +86,10 @@ void FilmEpisode(const nlohmann::json& request) {
   const Components components(spec);
   const auto agent = request.at("agent").get<std::string>();
   EvaluationPlayer player(components, spec, OpenAgent(spec, agent), 1, 1);
-  FrameSender sender(request, spec);
-  std::optional<std::uint64_t> next = request.at("episode").get<std::uint64_t>();
+  FilmRequest film;
+  results::FieldsFromJson(request.at("film"), &film);
+  FrameSender sender(film, spec);
+  std::optional<std::uint64_t> next = film.episode;
   EpisodeFaults faults;
   EpisodeCourse course;
   course.next = [&] { return std::exchange(next, std::nullopt); };
@@ -132,24 +124,10 @@ Picture SceneOf(Environment* environment, const std::string& name, std::uint32_t
 }
 
 int FilmEpisodeMain() {
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  ::signal(SIGPIPE, SIG_IGN);
-  nlohmann::json end = {{"end", true}};
-  int status = 0;
-  try {
-    FilmEpisode(results::ParseJson(ReadAll(0)));
-  } catch (const Failure& error) {
-    end = {{"error", error.what()}};
-    status = error.exit_status();
-  } catch (const nlohmann::json::exception& error) {
-    end = {{"error", std::string("this command is started by `runner` itself: ") + error.what()}};
-    status = static_cast<int>(ExitCode::kInternal);
-  } catch (const std::bad_alloc&) {
-    end = {{"error", "out of memory"}};
-    status = static_cast<int>(ExitCode::kInternal);
-  }
-  WriteAll(kReportDescriptor, results::JsonTextReplacing(end) + "\n");
-  return status;
+  return AnswerMain([](const nlohmann::json& question) -> nlohmann::json {
+    FilmEpisode(question);
+    return {{"end", true}};
+  });
 }
 
 FilmedEpisode::FilmedEpisode(const RunSpec& spec, const std::filesystem::path& agent,
@@ -159,11 +137,7 @@ FilmedEpisode::FilmedEpisode(const RunSpec& spec, const std::filesystem::path& a
   const FileDescriptor input =
       MemoryFile(results::JsonText({{"spec", ToJson(spec)},
                                     {"agent", agent.string()},
-                                    {"episode", request.episode},
-                                    {"width", request.width},
-                                    {"height", request.height},
-                                    {"camera", request.camera},
-                                    {"most_frames_per_second", request.most_frames_per_second}}));
+                                    {"film", results::FieldsToJson(request)}}));
   ChildSpec child;
   child.arguments = {"film-episode"};
   child.input = input.get();
@@ -176,8 +150,7 @@ FilmedEpisode::FilmedEpisode(const RunSpec& spec, const std::filesystem::path& a
 FilmedEpisode::~FilmedEpisode() {
   if (pid_ < 0) return;
   ::kill(pid_, SIGKILL);
-  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-  }
+  WaitForEnd(pid_);
 }
 
 bool FilmedEpisode::Fill() {
@@ -220,10 +193,7 @@ void FilmedEpisode::ReadExactly(char* to, std::size_t size) {
 }
 
 void FilmedEpisode::Fail() {
-  int status = 0;
-  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-  }
-  pid_ = -1;
+  const int status = WaitForEnd(std::exchange(pid_, -1));
   throw Failure(ExitCode::kPluginCrashed,
                 "the episode of " + who_ + " ended with " + DescribeWaitStatus(status));
 }
@@ -233,23 +203,14 @@ std::optional<Frame> FilmedEpisode::Next() {
   const nlohmann::json line = results::ParseJsonOrDiscard(ReadLine());
   if (!line.is_object()) Fail();
   if (line.contains("end") || line.contains("error")) {
-    int status = 0;
-    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-    }
-    pid_ = -1;
+    const int status = WaitForEnd(std::exchange(pid_, -1));
     if (line.contains("end")) return std::nullopt;
     throw Failure(static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 70),
                   who_ + ": " + line["error"].get<std::string>());
   }
-  frames_per_second_ = line.at("frames_per_second").get<double>();
+  frames_per_second_ = line.at(kPace).get<double>();
   Frame frame;
-  frame.decision = line.at("decision").get<std::uint64_t>();
-  frame.seconds = line.at("seconds").get<double>();
-  frame.episode_return = line.at("return").get<double>();
-  frame.action = line.at("action").get<std::vector<double>>();
-  frame.value = line.at("value").get<double>();
-  frame.simulations = line.at("simulations").get<std::uint32_t>();
-  frame.depth = line.at("depth").get<std::uint32_t>();
+  results::FieldsFromJson(line, &frame);
   frame.scene.width = static_cast<int>(request_.width);
   frame.scene.height = static_cast<int>(request_.height);
   frame.scene.rgb.resize(std::size_t{request_.width} * request_.height * 3);

@@ -25,6 +25,15 @@ struct FilmRequest {
   std::uint32_t height = 360;
   std::uint32_t camera = 0;
   std::uint32_t most_frames_per_second = 30;  // of simulated time; fewer where decisions are rarer
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("episode", &episode);
+    (*archive)("width", &width);
+    (*archive)("height", &height);
+    (*archive)("camera", &camera);
+    (*archive)("most_frames_per_second", &most_frames_per_second);
+  }
 };
 
 class FilmedEpisode {

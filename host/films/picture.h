@@ -24,6 +24,18 @@ struct Frame {
   double value = 0;
   std::uint32_t simulations = 0;  // 0: it did not search
   std::uint32_t depth = 0;
+
+  // All but the scene.
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("decision", &decision);
+    (*archive)("seconds", &seconds);
+    (*archive)("return", &episode_return);
+    (*archive)("action", &action);
+    (*archive)("value", &value);
+    (*archive)("simulations", &simulations);
+    (*archive)("depth", &depth);
+  }
 };
 
 // The scene with a line above that has the title and the return so far, and one below with the

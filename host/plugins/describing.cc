@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "host/plugins/plugin_loader.h"
+#include "results/system/child.h"
 #include "results/system/file_descriptor.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
@@ -160,8 +161,7 @@ ChildResult RunChild(const std::string& file, const ScanOptions& options) {
     ::poll(ready, 2, kPollMilliseconds);
   }
   ::kill(-child, SIGKILL);
-  while (::waitpid(child, &result.wait_status, 0) < 0 && errno == EINTR) {
-  }
+  result.wait_status = WaitForEnd(child);
   if (errors_open) ReadAvailable(errors.read, kMostErrors, &result.errors);
   if (result.done) result.description.resize(result.description.size() - kDoneToken.size());
   return result;

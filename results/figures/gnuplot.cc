@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "results/system/child.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/temporary_folder.h"
@@ -44,10 +45,7 @@ int Run(const char* const* arguments, const std::string& folder, const char* out
     errno = error;
     return -1;
   }
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  return status;
+  return WaitForEnd(child);
 }
 
 // The letter of UTF-8 at `*at`, which moves past it; 0 where there is none.

@@ -1,4 +1,4 @@
-#include "host/sweeps/child_request.h"
+#include "host/processes/child_request.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -13,6 +13,7 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
+#include "results/system/child.h"
 #include "results/system/error.h"
 #include "results/system/file_descriptor.h"
 #include "results/text/json_text.h"
@@ -50,9 +51,7 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
       break;
     }
   }
-  int status = 0;
-  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int status = WaitForEnd(pid);
   if (timed_out) {
     throw Failure(ExitCode::kPluginCrashed,
                   "the components of " + request.who + " did not answer within " +
