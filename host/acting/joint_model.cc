@@ -10,11 +10,6 @@
 namespace dreamsearch {
 namespace {
 
-// What can be asked, in the order in which it is answered: a tree search proposes
-// actions, imagines where they lead and values what it found; a decision begins with an
-// observation.
-enum class Kind { kProposeMode, kProposeSamples, kImagine, kValue, kObserve };
-
 // Memory for `size` values, which are lost when it grows.
 template <typename T>
 T* Room(std::vector<T>* values, std::uint64_t size) {
@@ -28,21 +23,26 @@ Latents Room(LatentBuffer* buffer, std::uint64_t rows, std::uint64_t bytes) {
 }
 
 template <typename T>
-void Append(const T* from, std::uint64_t count, T** to) {
+void CopyIn(const T* from, std::uint64_t count, T** to) {
   if (count != 0) std::memcpy(*to, from, count * sizeof(T));
   *to += count;
 }
 
 template <typename T>
-void TakeBack(const T** from, std::uint64_t count, T* to) {
+void CopyOut(const T** from, std::uint64_t count, T* to) {
   if (count != 0) std::memcpy(to, *from, count * sizeof(T));
   *from += count;
 }
 
 }  // namespace
 
-// A call of a seat, with views of the asker's memory, which waits.
-struct JointModel::Question {
+// A call of a seat that waits for its answer, with views of the caller's memory.
+struct JointModel::PendingCall {
+  // What can be called, in the order in which it is answered: a tree search proposes
+  // actions, imagines where they lead and values what it found; a decision begins with an
+  // observation.
+  enum class Kind { kProposeMode, kProposeSamples, kImagine, kValue, kObserve };
+
   Kind kind = Kind::kProposeMode;
   ConstLatents latents;                   // every kind's
   MatrixView<const double> actions;       // kImagine, kObserve
@@ -57,8 +57,8 @@ struct JointModel::Question {
   std::uint64_t rows() const { return latents.rows; }
   std::uint64_t samples() const { return rows() == 0 ? 0 : proposed.rows / rows(); }
 
-  // Questions that one request can ask.
-  bool JoinsWith(const Question& other) const {
+  // Calls that one request can make.
+  bool JoinsWith(const PendingCall& other) const {
     return kind == other.kind && rows() != 0 && other.rows() != 0 && samples() == other.samples() &&
            states.cols == other.states.cols &&
            value.deviations.empty() == other.value.deviations.empty() &&
@@ -91,47 +91,47 @@ class JointModel::Seat final : public Model {
   std::uint64_t action_size() const noexcept override { return joint_->model_->action_size(); }
 
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override {
-    Question question;
-    question.kind = Kind::kImagine;
-    question.latents = request.latents;
-    question.actions = request.actions;
-    question.seeds = request.seeds;
-    question.imagined = result;
-    return Put(question);
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kImagine;
+    pending.latents = request.latents;
+    pending.actions = request.actions;
+    pending.seeds = request.seeds;
+    pending.imagined = result;
+    return Put(pending);
   }
   Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
-    Question question;
-    question.kind = Kind::kValue;
-    question.latents = latents;
-    question.value = result;
-    return Put(question);
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kValue;
+    pending.latents = latents;
+    pending.value = result;
+    return Put(pending);
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
-    Question question;
-    question.kind = Kind::kProposeMode;
-    question.latents = latents;
-    question.proposed = actions;
-    return Put(question);
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kProposeMode;
+    pending.latents = latents;
+    pending.proposed = actions;
+    return Put(pending);
   }
   Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override {
-    Question question;
-    question.kind = Kind::kProposeSamples;
-    question.latents = latents;
-    question.seeds = seeds;
-    question.proposed = actions;
-    return Put(question);
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kProposeSamples;
+    pending.latents = latents;
+    pending.seeds = seeds;
+    pending.proposed = actions;
+    return Put(pending);
   }
   Status Observe(const ObserveRequest& request, Latents latents) noexcept override {
-    Question question;
-    question.kind = Kind::kObserve;
-    question.latents = request.previous;
-    question.actions = request.actions;
-    question.observations = request.observations;
-    question.states = request.environment_states;
-    question.seeds = request.seeds;
-    question.next = latents;
-    return Put(question);
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kObserve;
+    pending.latents = request.previous;
+    pending.actions = request.actions;
+    pending.observations = request.observations;
+    pending.states = request.environment_states;
+    pending.seeds = request.seeds;
+    pending.next = latents;
+    return Put(pending);
   }
 
   // Nothing to join.
@@ -148,14 +148,14 @@ class JointModel::Seat final : public Model {
   void Destroy() noexcept override {}
 
   Fiber fiber;
-  const Question* asked = nullptr;  // set while its work waits for an answer
+  const PendingCall* asked = nullptr;  // set while its work waits for an answer
   Status answer;
   double seconds = 0;
 
  private:
-  Status Put(const Question& question) noexcept {
-    if (joint_->running_ != index_) return question.Ask(joint_->model_);
-    asked = &question;
+  Status Put(const PendingCall& pending) noexcept {
+    if (joint_->running_ != index_) return pending.Ask(joint_->model_);
+    asked = &pending;
     fiber.Pause();
     return answer;
   }
@@ -209,7 +209,7 @@ void JointModel::Continue(std::size_t i, bool begin) {
 
 void JointModel::Answer() {
   const double began = ActivityClock::Now();
-  const Question* first = nullptr;
+  const PendingCall* first = nullptr;
   for (const auto& seat : seats_) {
     if (seat->asked == nullptr) continue;
     if (first == nullptr || seat->asked->kind < first->kind) first = seat->asked;
@@ -217,14 +217,13 @@ void JointModel::Answer() {
   asking_.clear();
   std::uint64_t rows = 0;
   for (std::size_t i = 0; i < seats(); ++i) {
-    const Question* question = seats_[i]->asked;
-    if (question == nullptr) continue;
-    if (question != first &&
-        (!question->JoinsWith(*first) || rows + question->rows() > kMostRows)) {
+    const PendingCall* pending = seats_[i]->asked;
+    if (pending == nullptr) continue;
+    if (pending != first && (!pending->JoinsWith(*first) || rows + pending->rows() > kMostRows)) {
       continue;
     }
     asking_.push_back(i);
-    rows += question->rows();
+    rows += pending->rows();
   }
   if (asking_.size() == 1 || !AskJointly()) {
     for (const std::size_t i : asking_) seats_[i]->answer = seats_[i]->asked->Ask(model_);
@@ -236,11 +235,11 @@ void JointModel::Answer() {
 
 bool JointModel::AskJointly() {
   const std::uint64_t latent_bytes = model_->latent_bytes();
-  const Question& first = *seats_[asking_.front()]->asked;
+  const PendingCall& first = *seats_[asking_.front()]->asked;
   std::uint64_t rows = 0;
   for (const std::size_t i : asking_) rows += seats_[i]->asked->rows();
 
-  Question all;
+  PendingCall all;
   all.kind = first.kind;
   std::byte* latents = Room(&latents_, rows, latent_bytes).data;
   double* actions = Room(&actions_, std::max(rows, rows * first.samples()) * model_->action_size());
@@ -252,39 +251,40 @@ bool JointModel::AskJointly() {
   all.observations = {observations, rows, first.observations.cols};
   if (first.states.cols != 0) all.states = {states, rows, first.states.cols};
   for (const std::size_t i : asking_) {
-    const Question& question = *seats_[i]->asked;
-    Append(question.latents.data, question.latents.size(), &latents);
-    Append(question.actions.data, question.actions.size(), &actions);
-    Append(question.observations.data, question.observations.size(), &observations);
-    Append(question.states.data, question.states.size(), &states);
-    Append(question.seeds.data, question.seeds.size, &seeds);
+    const PendingCall& pending = *seats_[i]->asked;
+    CopyIn(pending.latents.data, pending.latents.size(), &latents);
+    CopyIn(pending.actions.data, pending.actions.size(), &actions);
+    CopyIn(pending.observations.data, pending.observations.size(), &observations);
+    CopyIn(pending.states.data, pending.states.size(), &states);
+    CopyIn(pending.seeds.data, pending.seeds.size, &seeds);
   }
   switch (all.kind) {
-    case Kind::kProposeMode:
-    case Kind::kProposeSamples:
+    case PendingCall::Kind::kProposeMode:
+    case PendingCall::Kind::kProposeSamples:
       all.proposed = {actions_.data(), rows * first.samples(), model_->action_size()};
       break;
-    case Kind::kImagine:
+    case PendingCall::Kind::kImagine:
       all.actions = {actions_.data(), rows, model_->action_size()};
       all.imagined = {Room(&next_, rows, latent_bytes),
                       {Room(&rewards_, rows), rows},
                       {Room(&discounts_, rows), rows}};
       break;
-    case Kind::kValue: {
+    case PendingCall::Kind::kValue: {
       double* values = Room(&values_, 3 * rows);
       all.value.values = {values, rows};
       if (!first.value.deviations.empty()) all.value.deviations = {values + rows, rows};
       if (!first.value.least.empty()) all.value.least = {values + 2 * rows, rows};
       break;
     }
-    case Kind::kObserve:
+    case PendingCall::Kind::kObserve:
       all.actions = {actions_.data(), rows, model_->action_size()};
       all.next = Room(&next_, rows, latent_bytes);
       break;
   }
   if (!all.Ask(model_).ok()) return false;
 
-  const std::byte* next = all.kind == Kind::kObserve ? all.next.data : all.imagined.latents.data;
+  const std::byte* next =
+      all.kind == PendingCall::Kind::kObserve ? all.next.data : all.imagined.latents.data;
   const double* rewards = all.imagined.rewards.data;
   const double* discounts = all.imagined.discounts.data;
   const double* values = all.value.values.data;
@@ -292,15 +292,15 @@ bool JointModel::AskJointly() {
   const double* least = all.value.least.data;
   const double* proposed = all.proposed.data;
   for (const std::size_t i : asking_) {
-    const Question& question = *seats_[i]->asked;
-    TakeBack(&next, question.next.size(), question.next.data);
-    TakeBack(&next, question.imagined.latents.size(), question.imagined.latents.data);
-    TakeBack(&rewards, question.imagined.rewards.size, question.imagined.rewards.data);
-    TakeBack(&discounts, question.imagined.discounts.size, question.imagined.discounts.data);
-    TakeBack(&values, question.value.values.size, question.value.values.data);
-    TakeBack(&deviations, question.value.deviations.size, question.value.deviations.data);
-    TakeBack(&least, question.value.least.size, question.value.least.data);
-    TakeBack(&proposed, question.proposed.size(), question.proposed.data);
+    const PendingCall& pending = *seats_[i]->asked;
+    CopyOut(&next, pending.next.size(), pending.next.data);
+    CopyOut(&next, pending.imagined.latents.size(), pending.imagined.latents.data);
+    CopyOut(&rewards, pending.imagined.rewards.size, pending.imagined.rewards.data);
+    CopyOut(&discounts, pending.imagined.discounts.size, pending.imagined.discounts.data);
+    CopyOut(&values, pending.value.values.size, pending.value.values.data);
+    CopyOut(&deviations, pending.value.deviations.size, pending.value.deviations.data);
+    CopyOut(&least, pending.value.least.size, pending.value.least.data);
+    CopyOut(&proposed, pending.proposed.size(), pending.proposed.data);
     seats_[i]->answer = OkStatus();
   }
   return true;

@@ -1,13 +1,13 @@
-// joint_model.h - one model that several ask at once, their questions joined.
+// joint_model.h - one model that several call at once; their calls are joined.
 //
 // Whoever works with the model has a *seat*: the model again, behind the same
 // interface. Run gives each seat's work a stack of its own, on which plain sequential
 // code runs - an agent that plays an episode, a planner that plans one of many roots.
-// A question to the seat lays that work aside; once all work that has not ended has
-// asked something, the questions of one kind become one request to the model, and those
-// who have their answers go on. Of several kinds the one that comes first in a search
-// is answered first (the enumeration in joint_model.cc), so that work which has got out
-// of step falls into step again at the next question of the last kind.
+// A call of the seat suspends that work. Once all work that has not ended waits for a
+// call, the calls of one kind become one request to the model, and the work that has
+// its answer goes on. Of several kinds the one that comes first in a search is answered
+// first (PendingCall::Kind in joint_model.cc), so that work which has got out of step
+// falls into step again at the next call of the last kind.
 //
 // By the law of rows (dreamsearch/model.h) every answer has the bits that it has alone.
 //
@@ -29,7 +29,7 @@ namespace dreamsearch {
 
 class JointModel {
  public:
-  // Rows of a joint request at most; a single question may have more.
+  // Rows of a joint request at most; a single call may have more.
   static constexpr std::uint64_t kMostRows = 512;
 
   // The model must outlive it.
@@ -57,13 +57,13 @@ class JointModel {
 
  private:
   class Seat;
-  struct Question;
+  struct PendingCall;
   using Call = void (*)(void* context, std::size_t i) noexcept;
 
   void RunAll(Call call, void* context);
   // Lets seat i's work go on until it asks or ends.
   void Continue(std::size_t i, bool begin);
-  // Answers the questions that come next and lets those who asked go on.
+  // Answers the calls that come next and lets those who asked go on.
   void Answer();
   // Puts them to the model as one; false if it refuses.
   bool AskJointly();

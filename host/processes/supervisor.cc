@@ -55,7 +55,7 @@ std::atomic<bool> in_slurm{false};
 
 // The system repeats SIGXCPU every second. In a job of Slurm a signal may come twice: to the batch
 // script, which forwards it, and to all processes.
-void OnStopSignal(int signal) {
+void CountStopSignal(int signal) {
   const bool impatient = signal == SIGINT || (signal != SIGXCPU && !in_slurm);
   if (impatient || stop_signals == 0) ++stop_signals;
 }
@@ -67,7 +67,7 @@ class StopSignals {
     stop_signals = 0;
     in_slurm = std::getenv("SLURM_JOB_ID") != nullptr;
     struct sigaction action {};
-    action.sa_handler = OnStopSignal;
+    action.sa_handler = CountStopSignal;
     for (std::size_t i = 0; i < kCount; ++i) {
       ::sigaction(kStopSignals[i], nullptr, &before_[i]);
       if (before_[i].sa_handler != SIG_IGN) ::sigaction(kStopSignals[i], &action, nullptr);

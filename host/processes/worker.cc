@@ -40,12 +40,12 @@ std::atomic<bool> stop_requested{false};
 // Stop at the next decision or update, however often it is asked: who signals a whole
 // job reaches the worker directly and once more through the supervisor. The supervisor
 // ends a worker at once with SIGKILL.
-void OnStopSignal(int) { stop_requested = true; }
+void RequestStop(int) { stop_requested = true; }
 
 // A signal that was ignored when `runner` was started stays ignored.
 void CatchStopSignals() {
   struct sigaction action {};
-  action.sa_handler = OnStopSignal;
+  action.sa_handler = RequestStop;
   action.sa_flags = SA_RESTART;
   for (const int signal : kStopSignals) {
     if (!IsIgnored(signal)) ::sigaction(signal, &action, nullptr);

@@ -16,7 +16,7 @@
 namespace dreamsearch {
 namespace {
 
-constexpr PartName kPositionPart{"evaluation", 1};
+constexpr PartName kEvaluationPart{"evaluation", 1};
 
 }  // namespace
 
@@ -142,7 +142,7 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
 Evaluation::~Evaluation() = default;
 
 void Evaluation::Load(const Checkpoint& checkpoint) {
-  checkpoint.Read(kPositionPart, [&](StateReader* reader) {
+  checkpoint.Read(kEvaluationPart, [&](StateReader* reader) {
     at_.Fields(reader);
     if (at_.metric_sums.size() == metric_ids_.size()) return;
     reader->Refuse("field 'metric_sums': expected " + std::to_string(metric_ids_.size()) +
@@ -152,7 +152,7 @@ void Evaluation::Load(const Checkpoint& checkpoint) {
 
 results::ResumePoint Evaluation::ResumePointOf(const Checkpoint& checkpoint,
                                                std::uint64_t env_step) {
-  const auto position = checkpoint.Value<Position>(kPositionPart);
+  const auto position = checkpoint.Value<Position>(kEvaluationPart);
   results::ResumePoint point;
   point.env_step = static_cast<std::int64_t>(env_step);
   point.search_evaluation_episodes = static_cast<std::int64_t>(position.episodes);
@@ -185,7 +185,7 @@ void Evaluation::Record(const Played& played, double seconds) {
       at_.episodes,
       [&](CheckpointWriter* checkpoint) {
         checkpoint->Value(kHeaderPart, options_.header);
-        checkpoint->Value(kPositionPart, at_);
+        checkpoint->Value(kEvaluationPart, at_);
         AddRowSums(*writer_, checkpoint);
       },
       at_.episodes - 1);

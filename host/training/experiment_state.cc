@@ -11,7 +11,7 @@
 namespace dreamsearch {
 namespace {
 
-constexpr PartName kPositionPart{"training", 2};
+constexpr PartName kTrainingPart{"training", 2};
 constexpr PartName kReplayPart{"replay", 1};
 constexpr PartName kEpisodePart{"episode", 1};
 constexpr PartName kTreesPart{"trees", 1};
@@ -145,7 +145,7 @@ void Experiment::DumpEpisode(const std::string& message) {
 
 void Experiment::Save(CheckpointWriter* checkpoint, bool with_replay) const {
   checkpoint->Value(kHeaderPart, options_.header);
-  checkpoint->Part(kPositionPart, [&](StateWriter* part) {
+  checkpoint->Part(kTrainingPart, [&](StateWriter* part) {
     Position(at_).Fields(part);
     TimeUseFields(const_cast<ActivityClock&>(clock_).Totals(), part);
     (*part)("burst_metrics", &burst_metrics_);
@@ -178,7 +178,7 @@ void Experiment::SaveEpisode(StateWriter* part) const {
 
 void Experiment::Load(const Checkpoint& checkpoint) {
   LoadModel(checkpoint, spec_.model.name(), model_.get());
-  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+  checkpoint.Read(kTrainingPart, [&](StateReader* part) {
     at_.Fields(part);
     if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
     ActivityClock::Use use;
@@ -228,7 +228,7 @@ void Experiment::LoadEpisode(StateReader* part) {
 
 results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {
   Position position;
-  checkpoint.Read(kPositionPart, [&](StateReader* part) {
+  checkpoint.Read(kTrainingPart, [&](StateReader* part) {
     position.Fields(part);
     ActivityClock::Use use;
     TimeUseFields(use, part);

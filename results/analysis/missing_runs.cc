@@ -8,13 +8,13 @@
 namespace dreamsearch::results {
 namespace {
 
-struct Settings {
+struct RunsOfLine {
   std::set<std::int64_t> seeds;
   std::string label;
 };
-using Planner = std::tuple<std::string, std::string>;                     // planner, model
-using Place = std::tuple<std::string, std::string, std::string>;          // task, planner, model
-using Lines = std::map<std::tuple<std::string, std::int64_t>, Settings>;  // digest, repeat
+using Planner = std::tuple<std::string, std::string>;                       // planner, model
+using Place = std::tuple<std::string, std::string, std::string>;            // task, planner, model
+using Lines = std::map<std::tuple<std::string, std::int64_t>, RunsOfLine>;  // digest, repeat
 
 struct Study {
   std::set<std::string> tasks;
@@ -44,7 +44,7 @@ std::vector<MissingRun> MissingRuns(const std::vector<std::unique_ptr<Database>>
     study.tasks.insert(run.task);
     study.planners.emplace(run.planner, run.model);
     study.seeds.insert(run.seed);
-    Settings& line =
+    RunsOfLine& line =
         study.places[{run.task, run.planner, run.model}][{run.config_sha256, run.action_repeat}];
     line.seeds.insert(run.seed);
     line.label = labels[i];
