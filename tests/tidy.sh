@@ -7,5 +7,6 @@ experiments/install_packages.sh --tests
 # With an entry for each file, not for each room.
 cmake --preset debug -B build/tidy -DDREAMSEARCH_ROOM_UNITS=OFF >/dev/null
 if [[ $# -eq 0 ]]; then set -- /sdk/ /host/ /results/ /plugins/ /tests/; fi
+cmake --build build/tidy --target dreamsearch_build_info >/dev/null
 # clang does not know some of g++'s warnings, which are switched off by name.
 exec run-clang-tidy -quiet -p build/tidy -extra-arg=-Wno-unknown-warning-option "$@"

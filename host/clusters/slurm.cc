@@ -16,8 +16,6 @@
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
-extern char** environ;
-
 namespace dreamsearch {
 namespace {
 
@@ -43,9 +41,7 @@ std::string Written(const FileDescriptor& file) {
 Answer Ask(std::vector<std::string> words) {
   const FileDescriptor out = MemoryFile("");
   const FileDescriptor err = MemoryFile("");
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
+  std::vector<char*> argv = ArgumentVector(&words);
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", 0, 0);

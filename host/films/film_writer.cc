@@ -20,8 +20,6 @@
 #include "results/system/file_descriptor.h"
 #include "results/text/text.h"
 
-extern char** environ;
-
 namespace dreamsearch {
 namespace {
 
@@ -32,7 +30,7 @@ std::string_view Bytes(const Picture& picture) {
 // A video by ffmpeg, which reads raw pictures from a pipe.
 class Video final : public FilmWriter {
  public:
-  Video(std::string path, double frames_per_second)
+  Video(const std::string& path, double frames_per_second)
       : path_(AbsolutePath(path)), frames_per_second_(frames_per_second) {
     const std::filesystem::path file(path_);
     // ffmpeg tells the format by the ending.
@@ -83,9 +81,7 @@ class Video final : public FilmWriter {
     }
     words.insert(words.end(), how.begin(), how.end());
     words.insert(words.end(), {"-y", temporary_});
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
+    std::vector<char*> argv = ArgumentVector(&words);
 
     messages_ = MemoryFile("");
     int ends[2];

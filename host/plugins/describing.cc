@@ -23,8 +23,6 @@
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
 
-extern char** environ;
-
 namespace dreamsearch {
 namespace {
 
@@ -82,9 +80,7 @@ pid_t Spawn(const std::string& file, const ScanOptions& options, int description
   std::vector<std::string> words = {options.program};
   words.insert(words.end(), options.arguments.begin(), options.arguments.end());
   words.push_back(file);
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
+  std::vector<char*> argv = ArgumentVector(&words);
 
   pid_t child = 0;
   const int failure =

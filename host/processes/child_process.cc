@@ -14,9 +14,8 @@
 #include <sstream>
 
 #include "host/processes/stop_signals.h"
+#include "results/system/child.h"
 #include "results/system/error.h"
-
-extern char** environ;
 
 namespace dreamsearch {
 namespace {
@@ -49,9 +48,7 @@ FileDescriptor MemoryFile(const std::string& text) {
 pid_t StartChild(const ChildSpec& spec) {
   std::vector<std::string> arguments = {"runner"};
   arguments.insert(arguments.end(), spec.arguments.begin(), spec.arguments.end());
-  std::vector<char*> argv;
-  for (std::string& argument : arguments) argv.push_back(argument.data());
-  argv.push_back(nullptr);
+  std::vector<char*> argv = ArgumentVector(&arguments);
 
   // Duplicates above 4 first, so that no dup2 overwrites a source.
   const auto lifted = [](int fd) {

@@ -70,7 +70,7 @@ Status MakeGym(const EnvironmentContext& context, Environment** result) noexcept
   const Parameters& parameters = context.parameters;
   PythonEnvironmentSettings settings;
   settings.kind = "gym";
-  settings.module = parameters.GetPath("module");
+  settings.module = parameters.GetText("module");
   settings.action_low = parameters.GetReal("action_low");
   settings.action_high = parameters.GetReal("action_high");
   return Make(std::move(settings), parameters, result);

@@ -66,7 +66,7 @@ Status Make(const EnvironmentContext& context, Environment** result) noexcept {
     ModelTaskSettings settings;
     settings.name = parameters.GetText("task");
     settings.name = settings.name.empty() ? "mjcf" : "mjcf:" + settings.name;
-    settings.model = parameters.GetPath("model");
+    settings.model = parameters.GetText("model");
     settings.actuators = parameters.GetText("actuators");
     settings.observation = parameters.GetText("observation");
     settings.reward = parameters.GetText("reward");

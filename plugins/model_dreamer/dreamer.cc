@@ -40,8 +40,8 @@ Dreamer::Dreamer(const Settings& settings, Index observation_size, Index action_
                   .observation = observation_size,
                   .action = action_size,
                   .metrics = kMetricCount,
-                  .step_noise = settings.imagined_latent_sample ? settings.stochastic : 0,
-                  .belief_noise = settings.acting_latent_sample ? settings.stochastic : 0}),
+                  .step_noise = settings.imagined_latent_mean ? 0 : settings.stochastic,
+                  .belief_noise = settings.acting_latent_mean ? 0 : settings.stochastic}),
       learner_(settings, observation_size, action_size, seed) {}
 
 void Dreamer::Step(In<float> states, In<float> actions, In<float> noise, Mat<float> next,

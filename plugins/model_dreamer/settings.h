@@ -5,7 +5,7 @@
 // of one model, and none before it is given them.
 #pragma once
 
-#include "dreamsearch/parameter.h"
+#include "dreamsearch/settings.h"
 #include "plugins/networks/matrix.h"
 #include "plugins/networks/presets.h"
 
@@ -73,8 +73,8 @@ struct Settings {
   bool bfloat16_planning{};
 
   // What planners see.
-  bool acting_latent_sample{};
-  bool imagined_latent_sample{};
+  bool acting_latent_mean{};
+  bool imagined_latent_mean{};
 
   Index state_size() const { return stochastic + deterministic; }
   bool operator==(const Settings&) const = default;

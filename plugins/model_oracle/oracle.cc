@@ -26,57 +26,35 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    RealParameter("discount", 0.99, 0, 1, "",
-                  "Discount of a decision that does not end in a terminal state (Koul et al. "
-                  "2020)."),
-    ChoiceParameter("proposal", "auto", "auto,uniform,gaussian,actor",
-                    "Actions proposed: uniform in [-1, 1], Gaussian, or the given run's actor; "
-                    "auto is the actor if a run is given, otherwise uniform."),
-    RealParameter("proposal_std", 0.5, 0, 10, "",
-                  "Standard deviation of the Gaussian proposal, which is clipped to [-1, 1]."),
-    ChoiceParameter("value", "auto", "auto,zero,critic",
-                    "Value of a latent: 0 or the given run's critic; auto is the critic if a run "
-                    "is given, otherwise 0."),
+enum class Proposal { kAuto, kUniform, kGaussian, kActor };
+enum class ValueOf { kAuto, kZero, kCritic };
+struct OracleSettings {
+  double discount;
+  Proposal proposal;
+  double proposal_std;
+  ValueOf value;
 };
+constexpr auto kSettings = BindSettings<OracleSettings>(
+    Bind<&OracleSettings::discount>(
+        RealParameter("discount", 0.99, 0, 1, "",
+                      "Discount of a decision that does not end in a terminal state (Koul et al. "
+                      "2020).")),
+    Bind<&OracleSettings::proposal>(
+        ChoiceParameter("proposal", "auto", "auto,uniform,gaussian,actor",
+                        "Actions proposed: uniform in [-1, 1], Gaussian, or the given run's actor; "
+                        "auto is the actor if a run is given, otherwise uniform.")),
+    Bind<&OracleSettings::proposal_std>(
+        RealParameter("proposal_std", 0.5, 0, 10, "",
+                      "Standard deviation of the Gaussian proposal, which is clipped to [-1, 1].")),
+    Bind<&OracleSettings::value>(ChoiceParameter(
+        "value", "auto", "auto,zero,critic",
+        "Value of a latent: 0 or the given run's critic; auto is the critic if a run "
+        "is given, otherwise 0.")));
 
 class Oracle final : public Model {
  public:
   explicit Oracle(const ModelContext& context)
-      : environment_(*context.environment),
-        behaviour_(context.behaviour),
-        action_size_(context.action_size),
-        observation_size_(context.observation_size),
-        action_repeat_(context.action_repeat),
-        discount_(context.parameters.GetReal("discount")),
-        uniform_(context.parameters.IsChoice("proposal", "uniform") ||
-                 (context.parameters.IsChoice("proposal", "auto") && behaviour_ == nullptr)),
-        actor_(context.parameters.IsChoice("proposal", "actor") ||
-               (context.parameters.IsChoice("proposal", "auto") && behaviour_ != nullptr)),
-        critic_(context.parameters.IsChoice("value", "critic") ||
-                (context.parameters.IsChoice("value", "auto") && behaviour_ != nullptr)),
-        proposal_std_(context.parameters.GetReal("proposal_std")),
-        state_bytes_(environment_.spec().state_bytes),
-        behaviour_offset_(Padded(kStateOffset + state_bytes_)),
-        behaviour_bytes_(behaviour_ != nullptr ? behaviour_->latent_bytes() : 0),
-        current_(state_bytes_),
-        bounded_(action_size_),
-        observation_(observation_size_) {
-    if (behaviour_ == nullptr && (actor_ || critic_)) {
-      throw std::invalid_argument(
-          "proposal=actor and value=critic need a trained run, and none was given");
-    }
-    if (state_bytes_ == 0) {
-      throw std::invalid_argument("the environment cannot save its state, which is the latent");
-    }
-    const EnvironmentSpec& spec = environment_.spec();
-    if (spec.action_size != action_size_ || spec.observation_size != observation_size_) {
-      throw std::invalid_argument(
-          "the model is for " + std::to_string(action_size_) + " action and " +
-          std::to_string(observation_size_) + " observation components, its environment has " +
-          std::to_string(spec.action_size) + " and " + std::to_string(spec.observation_size));
-    }
-  }
+      : Oracle(context, kSettings.Read(context.parameters)) {}
 
   std::uint64_t latent_bytes() const noexcept override {
     return behaviour_offset_ + behaviour_bytes_;
@@ -221,6 +199,41 @@ class Oracle final : public Model {
   void Destroy() noexcept override { delete this; }
 
  private:
+  Oracle(const ModelContext& context, const OracleSettings& settings)
+      : environment_(*context.environment),
+        behaviour_(context.behaviour),
+        action_size_(context.action_size),
+        observation_size_(context.observation_size),
+        action_repeat_(context.action_repeat),
+        discount_(settings.discount),
+        uniform_(settings.proposal == Proposal::kUniform ||
+                 (settings.proposal == Proposal::kAuto && behaviour_ == nullptr)),
+        actor_(settings.proposal == Proposal::kActor ||
+               (settings.proposal == Proposal::kAuto && behaviour_ != nullptr)),
+        critic_(settings.value == ValueOf::kCritic ||
+                (settings.value == ValueOf::kAuto && behaviour_ != nullptr)),
+        proposal_std_(settings.proposal_std),
+        state_bytes_(environment_.spec().state_bytes),
+        behaviour_offset_(Padded(kStateOffset + state_bytes_)),
+        behaviour_bytes_(behaviour_ != nullptr ? behaviour_->latent_bytes() : 0),
+        current_(state_bytes_),
+        bounded_(action_size_),
+        observation_(observation_size_) {
+    if (behaviour_ == nullptr && (actor_ || critic_)) {
+      throw std::invalid_argument(
+          "proposal=actor and value=critic need a trained run, and none was given");
+    }
+    if (state_bytes_ == 0) {
+      throw std::invalid_argument("the environment cannot save its state, which is the latent");
+    }
+    const EnvironmentSpec& spec = environment_.spec();
+    if (spec.action_size != action_size_ || spec.observation_size != observation_size_) {
+      throw std::invalid_argument(
+          "the model is for " + std::to_string(action_size_) + " action and " +
+          std::to_string(observation_size_) + " observation components, its environment has " +
+          std::to_string(spec.action_size) + " and " + std::to_string(spec.observation_size));
+    }
+  }
   ~Oracle() = default;
 
   // What the first bytes of a latent say.
@@ -375,7 +388,7 @@ constexpr ComponentDescriptor kComponents[] = {{
     .name = "oracle",
     .version = "1.0.0",
     .summary = "The simulator itself as the model; proposal and value from a trained run or none",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .create_model = CreateOracle,
 }};
 

@@ -5,7 +5,7 @@
 // of one model, and none before it is given them.
 #pragma once
 
-#include "dreamsearch/parameter.h"
+#include "dreamsearch/settings.h"
 #include "plugins/networks/categorical.h"
 #include "plugins/networks/presets.h"
 
@@ -16,13 +16,16 @@ using namespace networks;
 
 struct Settings {
   // Sizes.
-  Index latent{};  // L
+  Index simplices{};
+  Index latent{};  // L: kSimplex for each simplex
   Index encoder_width{};
   Index encoder_layers{};
   Index width{};
   Index layers{};
   Index critics{};  // K
-  Bins bins;
+  Index bin_count{};
+  double bin_range{};
+  Bins bins;  // from these two
 
   // Losses.
   bool normalise_observations{};

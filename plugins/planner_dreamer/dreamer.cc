@@ -7,14 +7,19 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    RealParameter("noise_std", 0.3, 0, 10, "",
-                  "Standard deviation of the Gaussian noise on the action while exploring "
-                  "(Koul et al. 2020)."),
-    ChoiceParameter("noise_on", "mode", "mode,sample",
-                    "What the noise is added to while exploring: the actor's mode (Koul et al. "
-                    "2020) or a sample of it (Dreamer's code)."),
+struct DreamerSettings {
+  double noise_std;
+  bool noise_on_sample;
 };
+constexpr auto kSettings = BindSettings<DreamerSettings>(
+    Bind<&DreamerSettings::noise_std>(
+        RealParameter("noise_std", 0.3, 0, 10, "",
+                      "Standard deviation of the Gaussian noise on the action while exploring "
+                      "(Koul et al. 2020).")),
+    Bind<&DreamerSettings::noise_on_sample>(
+        ChoiceParameter("noise_on", "mode", "mode,sample",
+                        "What the noise is added to while exploring: the actor's mode (Koul et al. "
+                        "2020) or a sample of it (Dreamer's code).")));
 
 enum Metric { kModeDistance, kMetricCount };
 constexpr MetricSpec kMetrics[] = {
@@ -29,8 +34,7 @@ class Dreamer final : public Planner {
  public:
   explicit Dreamer(const PlannerContext& context)
       : sizes_{context.action_size, context.latent_bytes, kMetricCount},
-        noise_std_(context.parameters.GetReal("noise_std")),
-        noise_on_sample_(context.parameters.IsChoice("noise_on", "sample")),
+        settings_(kSettings.Read(context.parameters)),
         mode_(std::make_unique<double[]>(context.action_size)),
         action_(std::make_unique<double[]>(context.action_size)) {}
 
@@ -49,7 +53,7 @@ class Dreamer final : public Planner {
     if (!status.ok()) return status;
     status = model_->Value(request.root, {.values = {&value, 1}});
     if (!status.ok()) return status;
-    if (request.explore && noise_on_sample_) {
+    if (request.explore && settings_.noise_on_sample) {
       const std::uint64_t seed = DeriveSeed(request.seed, kSample);
       status = model_->ProposeSamples(request.root, {&seed, 1}, {action.data, 1, size});
       if (!status.ok()) return status;
@@ -59,7 +63,8 @@ class Dreamer final : public Planner {
     if (status = CheckFinite("an action component", action); !status.ok()) return status;
     if (status = CheckFinite("a value", {&value, 1}); !status.ok()) return status;
     if (request.explore) {
-      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise), {action.data, 1, size});
+      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
+                          {action.data, 1, size});
     }
 
     std::copy_n(action.data, size, result->action.data);
@@ -81,8 +86,7 @@ class Dreamer final : public Planner {
   ~Dreamer() = default;
 
   const PlannerSizes sizes_;
-  const double noise_std_;
-  const bool noise_on_sample_;
+  const DreamerSettings settings_;
   const std::unique_ptr<double[]> mode_;    // [A]
   const std::unique_ptr<double[]> action_;  // [A]
   LatentModel* model_ = nullptr;
@@ -94,7 +98,7 @@ constexpr ComponentDescriptor kComponents[] = {{
     .name = "dreamer",
     .version = "1.0.0",
     .summary = "The actor's mode action, with noise when exploring; no search",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kMetrics),
     .create_planner = CreatePlanner<Dreamer>,
 }};

@@ -25,46 +25,53 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    kSimulationsParameter,
-    IntParameter("root_actions", 16, 1, 10000, "actions",
-                 "Actions sampled at the root; at most one a simulation is used (Danihelka et al. "
-                 "2022)."),
-    IntParameter("children", 16, 1, 10000, "actions", "Actions sampled at every other node."),
-    RealParameter("c_visit", 50, 0, 1e6, "visits", "c_visit of sigma (Danihelka et al. 2022)."),
-    RealParameter("c_scale", 0.1, 0, 1e6, "",
-                  "c_scale of sigma (0.1 in DeepMind's library, 1 in the paper's Go)."),
-    RealParameter("gumbel_scale", 1, 0, 1e6, "",
-                  "Multiplies the root's Gumbel noise while exploring (Danihelka et al. 2022)."),
-    kEqualDepthParameter,
-    kEdgeRewardParameter,
-    kNoiseParameter,
-    kLeafBatchParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
+struct GumbelSettings : TreeSettings {
+  std::uint64_t root_actions;
+  SearchTree::Index children;
+  double c_visit;
+  double c_scale;
+  double gumbel_scale;
 };
+constexpr auto kSettings = BindSettings<GumbelSettings>(
+    kSimulationsParameter,
+    Bind<&GumbelSettings::root_actions>(IntParameter(
+        "root_actions", 16, 1, 10000, "actions",
+        "Actions sampled at the root; at most one a simulation is used (Danihelka et al. "
+        "2022).")),
+    Bind<&GumbelSettings::children>(
+        IntParameter("children", 16, 1, 10000, "actions", "Actions sampled at every other node.")),
+    Bind<&GumbelSettings::c_visit>(RealParameter("c_visit", 50, 0, 1e6, "visits",
+                                                 "c_visit of sigma (Danihelka et al. 2022).")),
+    Bind<&GumbelSettings::c_scale>(
+        RealParameter("c_scale", 0.1, 0, 1e6, "",
+                      "c_scale of sigma (0.1 in DeepMind's library, 1 in the paper's Go).")),
+    Bind<&GumbelSettings::gumbel_scale>(RealParameter(
+        "gumbel_scale", 1, 0, 1e6, "",
+        "Multiplies the root's Gumbel noise while exploring (Danihelka et al. 2022).")),
+    kEqualDepthParameter, kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter,
+    kValueBonusParameter, kValueInEvaluationParameter);
 
 class Gumbel final : public TreePlanner {
  public:
   explicit Gumbel(const PlannerContext& context)
-      : TreePlanner(context, RootActions(context) +
-                                 Count(context, "simulations") * Count(context, "children")),
-        root_actions_(static_cast<Index>(RootActions(context))),
-        children_(static_cast<Index>(Count(context, "children"))),
-        c_visit_(context.parameters.GetReal("c_visit")),
-        c_scale_(context.parameters.GetReal("c_scale")),
-        gumbel_scale_(context.parameters.GetReal("gumbel_scale")),
+      : Gumbel(context, kSettings.Read(context.parameters)) {}
+
+ private:
+  Gumbel(const PlannerContext& context, const GumbelSettings& settings)
+      : TreePlanner(context, settings,
+                    RootActions(settings) + settings.simulations * settings.children),
+        root_actions_(static_cast<Index>(RootActions(settings))),
+        children_(settings.children),
+        c_visit_(settings.c_visit),
+        c_scale_(settings.c_scale),
+        gumbel_scale_(settings.gumbel_scale),
         gumbel_(root_actions_),
         scores_(std::max(root_actions_, children_)) {
     PlanVisits();
   }
 
- private:
-  static std::uint64_t Count(const PlannerContext& context, const char* name) {
-    return static_cast<std::uint64_t>(context.parameters.GetInt(name));
-  }
-  static std::uint64_t RootActions(const PlannerContext& context) {
-    return std::min(Count(context, "root_actions"), Count(context, "simulations"));
+  static std::uint64_t RootActions(const GumbelSettings& settings) {
+    return std::min(settings.root_actions, settings.simulations);
   }
 
   // turn_[k] is the number of visits that the root action of simulation k has had:
@@ -220,7 +227,7 @@ constexpr ComponentDescriptor kMctsGumbel = {
     .name = "mcts_gumbel",
     .version = "1.0.0",
     .summary = "Tree search with Gumbel root selection and sequential halving over sampled actions",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kTreeMetrics),
     .create_planner = CreatePlanner<Gumbel>,
 };

@@ -32,36 +32,46 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    kSimulationsParameter,
-    IntParameter("split_visits", 1, 1, 1000000, "visits",
-                 "A cell at depth h is halved after this times h + 1 simulations through its "
-                 "action."),
-    RealParameter("exploration", 1, 0, 1e6, "", "c in U; 1 is HOO's (Bubeck et al. 2011)."),
-    RealParameter("nu", 1, 0, 1e6, "",
-                  "nu in U: how much the normalised return may vary over the whole box."),
-    RealParameter("alpha", 1, 1e-3, 10, "",
-                  "Smoothness: returns of actions at distance d differ by about d^alpha (Bubeck et "
-                  "al. 2011, example 1)."),
-    kEqualDepthParameter,
-    kEdgeRewardParameter,
-    RealParameter("noise_std", 0.3, 0, 10, "",
-                  "Standard deviation of the Gaussian noise on the played action while exploring "
-                  "(Koul et al. 2020)."),
-    kLeafBatchParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
+struct HootSettings : TreeSettings {
+  SearchTree::Index split_visits;
+  double exploration;
+  double nu;
+  double alpha;
 };
+constexpr auto kSettings = BindSettings<HootSettings>(
+    kSimulationsParameter,
+    Bind<&HootSettings::split_visits>(
+        IntParameter("split_visits", 1, 1, 1000000, "visits",
+                     "A cell at depth h is halved after this times h + 1 simulations through its "
+                     "action.")),
+    Bind<&HootSettings::exploration>(
+        RealParameter("exploration", 1, 0, 1e6, "", "c in U; 1 is HOO's (Bubeck et al. 2011).")),
+    Bind<&HootSettings::nu>(
+        RealParameter("nu", 1, 0, 1e6, "",
+                      "nu in U: how much the normalised return may vary over the whole box.")),
+    Bind<&HootSettings::alpha>(RealParameter(
+        "alpha", 1, 1e-3, 10, "",
+        "Smoothness: returns of actions at distance d differ by about d^alpha (Bubeck et "
+        "al. 2011, example 1).")),
+    kEqualDepthParameter, kEdgeRewardParameter,
+    Bind<&HootSettings::noise_std>(RealParameter(
+        "noise_std", 0.3, 0, 10, "",
+        "Standard deviation of the Gaussian noise on the played action while exploring "
+        "(Koul et al. 2020).")),
+    kLeafBatchParameter, kValueBonusParameter, kValueInEvaluationParameter);
 
 class Hoot final : public TreePlanner {
  public:
   explicit Hoot(const PlannerContext& context)
-      : TreePlanner(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))),
-        split_visits_(static_cast<Index>(context.parameters.GetInt("split_visits"))),
-        exploration_(context.parameters.GetReal("exploration")),
-        nu_(context.parameters.GetReal("nu")),
-        rho_(std::exp2(-context.parameters.GetReal("alpha") /
-                       static_cast<double>(context.action_size))),
+      : Hoot(context, kSettings.Read(context.parameters)) {}
+
+ private:
+  Hoot(const PlannerContext& context, const HootSettings& settings)
+      : TreePlanner(context, settings, settings.simulations),
+        split_visits_(settings.split_visits),
+        exploration_(settings.exploration),
+        nu_(settings.nu),
+        rho_(std::exp2(-settings.alpha / static_cast<double>(context.action_size))),
         // Halving a component more often than a double has digits tells nothing apart.
         max_depth_(std::min<std::uint64_t>(50 * context.action_size, 1000)),
         cells_(3 * simulations() + 1),
@@ -69,7 +79,6 @@ class Hoot final : public TreePlanner {
         low_(context.action_size),
         high_(context.action_size) {}
 
- private:
   struct Cell {
     Index halves;  // the lower half, the upper one follows it; kNone while whole
     Index edge;    // of a whole cell: its action; kNone while it has none
@@ -201,7 +210,7 @@ constexpr ComponentDescriptor kHoot = {
     .name = "hoot",
     .version = "1.0.0",
     .summary = "Tree search with hierarchical optimistic optimisation over the actions of a node",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kTreeMetrics),
     .create_planner = CreatePlanner<Hoot>,
 };

@@ -7,58 +7,56 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kC1Parameter =
-    RealParameter("c1", 1.25, 0, 1e6, "", "c1 of the selection rule (Schrittwieser et al. 2020).");
-constexpr ParameterSpec kC2Parameter = RealParameter(
-    "c2", 19652, 1e-6, 1e12, "visits", "c2 of the selection rule (Schrittwieser et al. 2020).");
-constexpr ParameterSpec kPuctScaleParameter =
+struct MctsSettings : TreeSettings {
+  double c1, c2;
+  double puct_scale;
+  bool first_play_zero;
+};
+constexpr auto kC1Parameter = Bind<&MctsSettings::c1>(
+    RealParameter("c1", 1.25, 0, 1e6, "", "c1 of the selection rule (Schrittwieser et al. 2020)."));
+constexpr auto kC2Parameter = Bind<&MctsSettings::c2>(RealParameter(
+    "c2", 19652, 1e-6, 1e12, "visits", "c2 of the selection rule (Schrittwieser et al. 2020)."));
+constexpr auto kPuctScaleParameter = Bind<&MctsSettings::puct_scale>(
     RealParameter("puct_scale", 1, 0, 1e6, "",
                   "Multiplies the exploration term; the paper lists a c_puct of 0.05 and uses it "
-                  "in no equation.");
-constexpr ParameterSpec kFirstPlayParameter =
+                  "in no equation."));
+constexpr auto kFirstPlayParameter = Bind<&MctsSettings::first_play_zero>(
     ChoiceParameter("first_play", "parent_mean", "parent_mean,zero",
                     "Normalised Q of an action not yet tried: that of the visit-weighted mean of "
-                    "its siblings, or 0.");
+                    "its siblings, or 0."));
 
-constexpr ParameterSpec kPwParameters[] = {
-    kSimulationsParameter,
-    RealParameter("widening_constant", 1, 1e-3, 1e6, "actions",
-                  "C in the widening rule: a node with n visits and fewer than C n^alpha actions "
-                  "gets one more (Koul et al. 2020)."),
-    RealParameter("widening_exponent", 0.5, 0, 1, "",
-                  "alpha in the widening rule (Koul et al. 2020)."),
-    IntParameter("samples_ahead", 4, 1, 1000, "actions",
-                 "Actions sampled together when a node widens; those not needed yet wait for its "
-                 "next widenings. Changes the cost, not the distribution."),
-    kC1Parameter,
-    kC2Parameter,
-    kPuctScaleParameter,
-    kFirstPlayParameter,
-    kEqualDepthParameter,
-    kEdgeRewardParameter,
-    kNoiseParameter,
-    kLeafBatchParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
-    kReuseParameter,
+struct PwSettings : MctsSettings {
+  double widening_constant;
+  double widening_exponent;
+  SearchTree::Index samples_ahead;
 };
+constexpr auto kPwSettings = BindSettings<PwSettings>(
+    kSimulationsParameter,
+    Bind<&PwSettings::widening_constant>(RealParameter(
+        "widening_constant", 1, 1e-3, 1e6, "actions",
+        "C in the widening rule: a node with n visits and fewer than C n^alpha actions "
+        "gets one more (Koul et al. 2020).")),
+    Bind<&PwSettings::widening_exponent>(RealParameter(
+        "widening_exponent", 0.5, 0, 1, "", "alpha in the widening rule (Koul et al. 2020).")),
+    Bind<&PwSettings::samples_ahead>(IntParameter(
+        "samples_ahead", 4, 1, 1000, "actions",
+        "Actions sampled together when a node widens; those not needed yet wait for its "
+        "next widenings. Changes the cost, not the distribution.")),
+    kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter, kEqualDepthParameter,
+    kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter, kValueBonusParameter,
+    kValueInEvaluationParameter, kReuseParameter);
 
-constexpr ParameterSpec kFixedParameters[] = {
-    kSimulationsParameter,
-    IntParameter("children", 20, 1, 10000, "actions",
-                 "Actions sampled from the actor at each node (Koul et al. 2020)."),
-    kC1Parameter,
-    kC2Parameter,
-    kPuctScaleParameter,
-    kFirstPlayParameter,
-    kEqualDepthParameter,
-    kEdgeRewardParameter,
-    kNoiseParameter,
-    kLeafBatchParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
-    kReuseParameter,
+struct FixedSettings : MctsSettings {
+  SearchTree::Index children;
 };
+constexpr auto kFixedSettings = BindSettings<FixedSettings>(
+    kSimulationsParameter,
+    Bind<&FixedSettings::children>(
+        IntParameter("children", 20, 1, 10000, "actions",
+                     "Actions sampled from the actor at each node (Koul et al. 2020).")),
+    kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter, kEqualDepthParameter,
+    kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter, kValueBonusParameter,
+    kValueInEvaluationParameter, kReuseParameter);
 
 // Selection by
 //
@@ -69,16 +67,13 @@ constexpr ParameterSpec kFixedParameters[] = {
 // created first.
 class Mcts : public TreePlanner {
  protected:
-  Mcts(const PlannerContext& context, std::uint64_t max_edges)
-      : TreePlanner(context, max_edges),
-        parent_mean_(context.parameters.IsChoice("first_play", "parent_mean")) {
-    const double c1 = context.parameters.GetReal("c1");
-    const double c2 = context.parameters.GetReal("c2");
-    const double scale = context.parameters.GetReal("puct_scale");
+  Mcts(const PlannerContext& context, const MctsSettings& settings, std::uint64_t max_edges)
+      : TreePlanner(context, settings, max_edges), first_play_zero_(settings.first_play_zero) {
     exploration_.resize(simulations() + 1);
     for (std::uint64_t i = 0; i <= simulations(); ++i) {
       const double n = static_cast<double>(i);
-      exploration_[i] = scale * std::sqrt(n) * (c1 + std::log((n + c2 + 1) / c2));
+      exploration_[i] = settings.puct_scale * std::sqrt(n) *
+                        (settings.c1 + std::log((n + settings.c2 + 1) / settings.c2));
     }
   }
 
@@ -90,7 +85,7 @@ class Mcts : public TreePlanner {
     const double q_min = tree_.q_min();
     const double q_scale = tree_.q_scale();
     const double first_play =
-        parent_mean_ && visits > 0 ? (tree_.mean_q(node) - q_min) * q_scale : 0;
+        !first_play_zero_ && visits > 0 ? (tree_.mean_q(node) - q_min) * q_scale : 0;
     Index best = SearchTree::kNone;
     double best_score = 0;
     for (Index edge = tree_.first_child(node); edge != SearchTree::kNone;
@@ -114,7 +109,7 @@ class Mcts : public TreePlanner {
   Index ChoosePlayed() noexcept override { return LargestQ(); }
 
  private:
-  const bool parent_mean_;
+  const bool first_play_zero_;
   std::vector<double> exploration_;  // by n: sqrt(n) (c1 + ln(...)), scaled
 };
 
@@ -124,20 +119,23 @@ class Mcts : public TreePlanner {
 class MctsPw final : public Mcts {
  public:
   explicit MctsPw(const PlannerContext& context)
-      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))),
-        samples_ahead_(static_cast<Index>(context.parameters.GetInt("samples_ahead"))),
+      : MctsPw(context, kPwSettings.Read(context.parameters)) {}
+
+ private:
+  MctsPw(const PlannerContext& context, const PwSettings& settings)
+      : Mcts(context, settings, settings.simulations),
+        samples_ahead_(settings.samples_ahead),
         action_size_(context.action_size),
         waiting_((simulations() + 1) * samples_ahead_ * action_size_),
         waiting_count_(simulations() + 1) {
-    const double constant = context.parameters.GetReal("widening_constant");
-    const double exponent = context.parameters.GetReal("widening_exponent");
     widen_below_.resize(simulations() + 1);
     for (std::uint64_t n = 0; n <= simulations(); ++n) {
-      widen_below_[n] = n == 0 ? 1 : constant * std::pow(static_cast<double>(n), exponent);
+      widen_below_[n] = n == 0 ? 1
+                               : settings.widening_constant *
+                                     std::pow(static_cast<double>(n), settings.widening_exponent);
     }
   }
 
- private:
   // Samples of the decision before came from other latents.
   Status BeginSearch() noexcept override {
     std::fill(waiting_count_.begin(), waiting_count_.end(), 0u);
@@ -182,11 +180,13 @@ class MctsPw final : public Mcts {
 class MctsFixed final : public Mcts {
  public:
   explicit MctsFixed(const PlannerContext& context)
-      : Mcts(context, static_cast<std::uint64_t>(context.parameters.GetInt("simulations")) *
-                          static_cast<std::uint64_t>(context.parameters.GetInt("children"))),
-        children_(static_cast<Index>(context.parameters.GetInt("children"))) {}
+      : MctsFixed(context, kFixedSettings.Read(context.parameters)) {}
 
  private:
+  MctsFixed(const PlannerContext& context, const FixedSettings& settings)
+      : Mcts(context, settings, settings.simulations * settings.children),
+        children_(settings.children) {}
+
   Status ChooseEdge(Index node, Index* edge) noexcept override {
     if (tree_.child_count(node) == 0) {
       Index first = 0;
@@ -207,7 +207,7 @@ constexpr ComponentDescriptor kMctsPw = {
     .name = "mcts_pw",
     .version = "1.0.0",
     .summary = "Tree search whose nodes gain actions as they gain visits (progressive widening)",
-    .parameters = ViewOf(kPwParameters),
+    .parameters = kPwSettings.declared(),
     .metrics = ViewOf(kTreeMetrics),
     .create_planner = CreatePlanner<MctsPw>,
 };
@@ -218,7 +218,7 @@ constexpr ComponentDescriptor kMctsFixed = {
     .name = "mcts_fixed",
     .version = "1.0.0",
     .summary = "Tree search with a fixed number of sampled actions at each node",
-    .parameters = ViewOf(kFixedParameters),
+    .parameters = kFixedSettings.declared(),
     .metrics = ViewOf(kTreeMetrics),
     .create_planner = CreatePlanner<MctsFixed>,
 };

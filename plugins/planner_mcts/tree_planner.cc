@@ -18,33 +18,28 @@ enum Stream : std::uint64_t {
 
 }  // namespace
 
-TreePlanner::TreePlanner(const PlannerContext& context, std::uint64_t max_edges)
-    : tree_(static_cast<std::uint64_t>(context.parameters.GetInt("simulations")) + 1, max_edges,
-            context.action_size, context.latent_bytes),
+TreePlanner::TreePlanner(const PlannerContext& context, const TreeSettings& settings,
+                         std::uint64_t max_edges)
+    : tree_(settings.simulations + 1, max_edges, context.action_size, context.latent_bytes),
       sizes_{context.action_size, context.latent_bytes, kTreeMetricCount},
-      simulations_(static_cast<std::uint64_t>(context.parameters.GetInt("simulations"))),
-      leaf_batch_(static_cast<std::uint64_t>(context.parameters.GetInt("leaf_batch"))),
-      noise_std_(context.parameters.GetReal("noise_std")),
-      reuse_tree_(context.parameters.GetBool("reuse_tree")),
-      edge_reward_(context.parameters.GetBool("edge_reward")),
-      equal_depth_(static_cast<Index>(context.parameters.GetInt("equal_depth"))),
-      values_(context, leaf_batch_) {
-  if (leaf_batch_ > 1) {
-    batch_latents_ = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
-    batch_actions_.resize(leaf_batch_ * sizes_.action_size);
+      settings_(settings),
+      values_(settings, settings.leaf_batch) {
+  if (settings_.leaf_batch > 1) {
+    batch_latents_ = LatentBuffer(settings_.leaf_batch, sizes_.latent_bytes);
+    batch_actions_.resize(settings_.leaf_batch * sizes_.action_size);
   }
-  if (equal_depth_ > 0) {
+  if (settings_.equal_depth > 0) {
     for (LatentBuffer& latents : rollout_latents_) {
-      latents = LatentBuffer(leaf_batch_, sizes_.latent_bytes);
+      latents = LatentBuffer(settings_.leaf_batch, sizes_.latent_bytes);
     }
-    rollout_order_.resize(leaf_batch_);
-    rollout_actions_.resize(leaf_batch_ * sizes_.action_size);
+    rollout_order_.resize(settings_.leaf_batch);
+    rollout_actions_.resize(settings_.leaf_batch * sizes_.action_size);
     for (auto* numbers : {&rollout_rewards_, &rollout_discounts_, &rollout_values_,
                           &rollout_returns_, &rollout_factors_}) {
-      numbers->resize(leaf_batch_);
+      numbers->resize(settings_.leaf_batch);
     }
   }
-  seeds_.resize(leaf_batch_);
+  seeds_.resize(settings_.leaf_batch);
   mode_.resize(sizes_.action_size);
   played_.resize(sizes_.action_size);
 }
@@ -66,7 +61,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
     tree_.SetRootLatent(request.root);
   }
   const Index old_nodes = tree_.node_count();
-  const std::uint64_t budget = simulations_ - tree_.visits(SearchTree::kRoot);
+  const std::uint64_t budget = settings_.simulations - tree_.visits(SearchTree::kRoot);
   const View<double> mode{mode_.data(), mode_.size()};
   const View<double> played{played_.data(), played_.size()};
   Status status = model_->ProposeMode(request.root, {mode.data, 1, mode.size});
@@ -82,7 +77,8 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
   assert(tree_.edge_visits(chosen) > 0);
   std::copy_n(tree_.actions(chosen, 1).data, played.size, played.data);
   if (request.explore) {
-    AddExplorationNoise(noise_std_, DeriveSeed(seed_, kPlayedNoise), {played.data, 1, played.size});
+    AddExplorationNoise(settings_.noise_std, DeriveSeed(seed_, kPlayedNoise),
+                        {played.data, 1, played.size});
   }
   Index depth = 0;
   double added_depth = 0;
@@ -112,7 +108,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
       },
       result);
 
-  if (reuse_tree_ && !(request.explore && noise_std_ > 0)) {
+  if (settings_.reuse_tree && !(request.explore && settings_.noise_std > 0)) {
     tree_.KeepSubtree(tree_.child(chosen));
   } else {
     tree_.Clear();
@@ -122,7 +118,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
 
 Status TreePlanner::Search(std::uint64_t budget) noexcept {
   while (budget > 0) {
-    const std::uint64_t wanted = std::min(leaf_batch_, budget);
+    const std::uint64_t wanted = std::min(settings_.leaf_batch, budget);
     const Index first = tree_.node_count();
     while (tree_.node_count() - first < wanted) {
       Index leaf = 0;
@@ -135,7 +131,7 @@ Status TreePlanner::Search(std::uint64_t budget) noexcept {
     if (Status status = EvaluatePending(); !status.ok()) return status;
     for (Index leaf = first; leaf < end; ++leaf) {
       if (wanted > 1) tree_.AddInFlight(leaf, -1);
-      tree_.BackUp(leaf, edge_reward_);
+      tree_.BackUp(leaf, settings_.edge_reward);
       EndSimulation(leaf);
     }
     budget -= end - first;
@@ -191,7 +187,7 @@ Status TreePlanner::EvaluatePending() noexcept {
   Status status = model_->Imagine(
       request, {latents, tree_.rewards(first, count), tree_.discounts(first, count)});
   if (status.ok()) {
-    status = equal_depth_ > 0 ? RollOut(first, count) : AskValues(first, count);
+    status = settings_.equal_depth > 0 ? RollOut(first, count) : AskValues(first, count);
   }
   if (status.ok()) status = CheckFinite("a reward", tree_.rewards(first, count));
   if (status.ok()) status = CheckFinite("a discount", tree_.discounts(first, count));
@@ -202,7 +198,7 @@ Status TreePlanner::EvaluatePending() noexcept {
 Status TreePlanner::RollOut(Index first, Index count) noexcept {
   const auto left = [&](Index leaf) {
     const Index depth = tree_.depth(first + leaf);
-    return depth < equal_depth_ ? equal_depth_ - depth : 0;
+    return depth < settings_.equal_depth ? settings_.equal_depth - depth : 0;
   };
   for (Index i = 0; i < count; ++i) rollout_order_[i] = i;
   std::sort(rollout_order_.begin(), rollout_order_.begin() + count,
@@ -279,7 +275,7 @@ Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
   Status status = model_->ProposeSamples(tree_.latents(node, 1), {&seed, 1}, actions);
   if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
   if (status.ok() && explore_) {
-    AddExplorationNoise(noise_std_, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),
+    AddExplorationNoise(settings_.noise_std, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),
                         actions);
   }
   return status;
@@ -313,7 +309,7 @@ Status TreePlanner::Save(ByteSink* sink) const noexcept { return tree_.Save(sink
 
 Status TreePlanner::Load(ByteSource* source) noexcept {
   if (Status status = tree_.Load(source); !status.ok()) return status;
-  if (!reuse_tree_ && !tree_.empty()) {
+  if (!settings_.reuse_tree && !tree_.empty()) {
     tree_.Clear();
     return Error(StatusCode::kDataLoss, "a kept tree was saved, but reuse_tree is off");
   }

@@ -18,30 +18,38 @@
 
 namespace dreamsearch {
 
-// Parameters every tree search declares.
-constexpr ParameterSpec kSimulationsParameter = IntParameter(
-    "simulations", 50, 1, 1000000, "simulations", "Simulations a decision (Koul et al. 2020).");
-constexpr ParameterSpec kNoiseParameter =
+// Parameters that tree searches share.
+struct TreeSettings : ValueUse {
+  std::uint64_t simulations;
+  std::uint64_t leaf_batch;
+  SearchTree::Index equal_depth;
+  double noise_std;
+  bool edge_reward;
+  bool reuse_tree;  // false where it is not declared
+};
+inline constexpr auto kSimulationsParameter = Bind<&TreeSettings::simulations>(IntParameter(
+    "simulations", 50, 1, 1000000, "simulations", "Simulations a decision (Koul et al. 2020)."));
+inline constexpr auto kNoiseParameter = Bind<&TreeSettings::noise_std>(
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on every sampled action and on the "
-                  "played one while exploring (Koul et al. 2020).");
-constexpr ParameterSpec kLeafBatchParameter =
+                  "played one while exploring (Koul et al. 2020)."));
+inline constexpr auto kLeafBatchParameter = Bind<&TreeSettings::leaf_batch>(
     IntParameter("leaf_batch", 1, 1, 4096, "leaves",
                  "Leaves collected with virtual loss before one call of the model evaluates them; "
-                 "1 is the plain search.");
-constexpr ParameterSpec kReuseParameter =
+                 "1 is the plain search."));
+inline constexpr auto kReuseParameter = Bind<&TreeSettings::reuse_tree>(
     BoolParameter("reuse_tree", false,
                   "Keep the chosen action's subtree for the next decision; its visits count "
-                  "towards the simulations. Dropped when noise changed the action.");
-constexpr ParameterSpec kEqualDepthParameter = IntParameter(
+                  "towards the simulations. Dropped when noise changed the action."));
+inline constexpr auto kEqualDepthParameter = Bind<&TreeSettings::equal_depth>(IntParameter(
     "equal_depth", 0, 0, 1000, "transitions",
     "Carry each leaf on by the actor's mode to this depth below the root before its "
     "value is asked, so that all returns look equally far ahead, as those of `rollout` "
-    "do; 0: its value at once (Koul et al. 2020).");
-constexpr ParameterSpec kEdgeRewardParameter =
+    "do; 0: its value at once (Koul et al. 2020)."));
+inline constexpr auto kEdgeRewardParameter = Bind<&TreeSettings::edge_reward>(
     BoolParameter("edge_reward", true,
                   "Count an edge's own reward in its Q; false is the equation as printed in the "
-                  "MuZero paper (Schrittwieser et al. 2020).");
+                  "MuZero paper (Schrittwieser et al. 2020)."));
 
 enum TreeMetric {
   kRootVisitEntropy,
@@ -72,9 +80,8 @@ class TreePlanner : public Planner {
   void Destroy() noexcept final { delete this; }
 
  protected:
-  // The tree has room for `max_edges` edges and simulations + 1 nodes. Reads the
-  // shared parameters that the component declares.
-  TreePlanner(const PlannerContext& context, std::uint64_t max_edges);
+  // The tree has room for `max_edges` edges and simulations + 1 nodes.
+  TreePlanner(const PlannerContext& context, const TreeSettings& settings, std::uint64_t max_edges);
   virtual ~TreePlanner() = default;
 
   // Called before a decision's first simulation; the tree has its root.
@@ -101,7 +108,7 @@ class TreePlanner : public Planner {
   // The visited root edge with the largest Q, the first created of equals.
   Index LargestQ() const noexcept;
 
-  std::uint64_t simulations() const noexcept { return simulations_; }
+  std::uint64_t simulations() const noexcept { return settings_.simulations; }
   bool exploring() const noexcept { return explore_; }
   // A seed of the present decision for draws of the derived class.
   std::uint64_t SearchSeed() const noexcept;
@@ -119,12 +126,7 @@ class TreePlanner : public Planner {
   double RootVisitEntropy() const noexcept;
 
   const PlannerSizes sizes_;
-  const std::uint64_t simulations_;
-  const std::uint64_t leaf_batch_;
-  const double noise_std_;
-  const bool reuse_tree_;
-  const bool edge_reward_;
-  const Index equal_depth_;
+  const TreeSettings settings_;
   SearchValues values_;
   LatentModel* model_ = nullptr;
 

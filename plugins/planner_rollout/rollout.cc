@@ -20,25 +20,37 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    IntParameter("actor_candidates", 100, 0, 1000000, "actions",
-                 "First actions sampled from the actor (Koul et al. 2020)."),
-    IntParameter("uniform_candidates", 50, 0, 1000000, "actions",
-                 "First actions drawn uniformly from [-1, 1]^A (Koul et al. 2020)."),
-    IntParameter("depth", 10, 1, 1000, "transitions",
-                 "Transitions of a trajectory, the candidate's included (Koul et al. 2020)."),
-    RealParameter("lambda", 0.95, 0, 1, "",
-                  "Mix of the lambda-return: 0 trusts the critic after one transition, 1 only at "
-                  "the trajectory's end (Koul et al. 2020)."),
-    ChoiceParameter("continuation", "mode", "mode,sample",
-                    "Actions after the first: the actor's mode (the paper's figure) or samples of "
-                    "it (the paper's text)."),
-    RealParameter("noise_std", 0.3, 0, 10, "",
-                  "Standard deviation of the Gaussian noise on every candidate and on the played "
-                  "action while exploring (Koul et al. 2020)."),
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
+struct RolloutSettings : ValueUse {
+  std::uint64_t actor_candidates;
+  std::uint64_t uniform_candidates;
+  std::uint64_t depth;
+  double lambda;
+  bool sample_continuation;
+  double noise_std;
 };
+constexpr auto kSettings = BindSettings<RolloutSettings>(
+    Bind<&RolloutSettings::actor_candidates>(
+        IntParameter("actor_candidates", 100, 0, 1000000, "actions",
+                     "First actions sampled from the actor (Koul et al. 2020).")),
+    Bind<&RolloutSettings::uniform_candidates>(
+        IntParameter("uniform_candidates", 50, 0, 1000000, "actions",
+                     "First actions drawn uniformly from [-1, 1]^A (Koul et al. 2020).")),
+    Bind<&RolloutSettings::depth>(
+        IntParameter("depth", 10, 1, 1000, "transitions",
+                     "Transitions of a trajectory, the candidate's included (Koul et al. 2020).")),
+    Bind<&RolloutSettings::lambda>(RealParameter(
+        "lambda", 0.95, 0, 1, "",
+        "Mix of the lambda-return: 0 trusts the critic after one transition, 1 only at "
+        "the trajectory's end (Koul et al. 2020).")),
+    Bind<&RolloutSettings::sample_continuation>(ChoiceParameter(
+        "continuation", "mode", "mode,sample",
+        "Actions after the first: the actor's mode (the paper's figure) or samples of "
+        "it (the paper's text).")),
+    Bind<&RolloutSettings::noise_std>(RealParameter(
+        "noise_std", 0.3, 0, 10, "",
+        "Standard deviation of the Gaussian noise on every candidate and on the played "
+        "action while exploring (Koul et al. 2020).")),
+    kValueBonusParameter, kValueInEvaluationParameter);
 
 enum Metric { kModeDistance, kQSpread, kMetricCount };
 constexpr MetricSpec kMetrics[] = {
@@ -60,30 +72,7 @@ enum Stream : std::uint64_t {
 class Rollout final : public Planner {
  public:
   explicit Rollout(const PlannerContext& context)
-      : sizes_{context.action_size, context.latent_bytes, kMetricCount},
-        actor_candidates_(Count(context, "actor_candidates")),
-        uniform_candidates_(Count(context, "uniform_candidates")),
-        batch_(actor_candidates_ + uniform_candidates_),
-        depth_(Count(context, "depth")),
-        lambda_(context.parameters.GetReal("lambda")),
-        sample_continuation_(context.parameters.IsChoice("continuation", "sample")),
-        noise_std_(context.parameters.GetReal("noise_std")),
-        search_values_(context, batch_) {
-    if (batch_ == 0) {
-      throw std::invalid_argument(
-          "actor_candidates and uniform_candidates are both 0, expected at least one candidate");
-    }
-    latents_[0] = LatentBuffer(batch_, sizes_.latent_bytes);
-    latents_[1] = LatentBuffer(batch_, sizes_.latent_bytes);
-    seeds_.resize(batch_);
-    actions_.resize(depth_ * batch_ * sizes_.action_size);
-    rewards_.resize(depth_ * batch_);
-    discounts_.resize(depth_ * batch_);
-    values_.resize(depth_ * batch_);
-    returns_.resize(depth_ * batch_);
-    mode_.resize(sizes_.action_size);
-    played_.resize(sizes_.action_size);
-  }
+      : Rollout(context, kSettings.Read(context.parameters)) {}
 
   Status BeginEpisode(LatentModel* model) noexcept override {
     if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
@@ -107,7 +96,7 @@ class Rollout final : public Planner {
     const View<const double> candidate = actions(0).row(best);
     std::copy_n(candidate.data, candidate.size, played_.data());
     if (request.explore) {
-      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kPlayedNoise),
+      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kPlayedNoise),
                           {played_.data(), 1, sizes_.action_size});
     }
 
@@ -117,8 +106,8 @@ class Rollout final : public Planner {
     result->metrics[kQSpread] = Spread(q);
     result->value = q[best];
     result->simulations = static_cast<std::uint32_t>(batch_);
-    result->nodes = static_cast<std::uint32_t>(batch_ * depth_ + 1);
-    result->depth = static_cast<std::uint32_t>(depth_);
+    result->nodes = static_cast<std::uint32_t>(batch_ * settings_.depth + 1);
+    result->depth = static_cast<std::uint32_t>(settings_.depth);
     if (request.tree != nullptr) Report(request.tree);
     ReportPolicy([&](auto visit) { visit(1.0, candidate); }, result);
     return OkStatus();
@@ -131,11 +120,27 @@ class Rollout final : public Planner {
   void Destroy() noexcept override { delete this; }
 
  private:
-  ~Rollout() = default;
-
-  static std::uint64_t Count(const PlannerContext& context, const char* name) {
-    return static_cast<std::uint64_t>(context.parameters.GetInt(name));
+  Rollout(const PlannerContext& context, const RolloutSettings& settings)
+      : sizes_{context.action_size, context.latent_bytes, kMetricCount},
+        settings_(settings),
+        batch_(settings.actor_candidates + settings.uniform_candidates),
+        search_values_(settings, batch_) {
+    if (batch_ == 0) {
+      throw std::invalid_argument(
+          "actor_candidates and uniform_candidates are both 0, expected at least one candidate");
+    }
+    latents_[0] = LatentBuffer(batch_, sizes_.latent_bytes);
+    latents_[1] = LatentBuffer(batch_, sizes_.latent_bytes);
+    seeds_.resize(batch_);
+    actions_.resize(settings_.depth * batch_ * sizes_.action_size);
+    rewards_.resize(settings_.depth * batch_);
+    discounts_.resize(settings_.depth * batch_);
+    values_.resize(settings_.depth * batch_);
+    returns_.resize(settings_.depth * batch_);
+    mode_.resize(sizes_.action_size);
+    played_.resize(sizes_.action_size);
   }
+  ~Rollout() = default;
 
   // The actions of transition t. [B, A]
   MatrixView<double> actions(std::uint64_t t) noexcept {
@@ -154,14 +159,14 @@ class Rollout final : public Planner {
 
   Status DrawCandidates(const PlanRequest& request) noexcept {
     const MatrixView<double> candidates = actions(0);
-    if (actor_candidates_ > 0) {
+    if (settings_.actor_candidates > 0) {
       const std::uint64_t seed = DeriveSeed(request.seed, kActorCandidates);
       Status status = model_->ProposeSamples(request.root, {&seed, 1},
-                                             candidates.middle_rows(0, actor_candidates_));
+                                             candidates.middle_rows(0, settings_.actor_candidates));
       if (!status.ok()) return status;
     }
     const MatrixView<double> uniform =
-        candidates.middle_rows(actor_candidates_, uniform_candidates_);
+        candidates.middle_rows(settings_.actor_candidates, settings_.uniform_candidates);
     Random random(DeriveSeed(request.seed, kUniformCandidates));
     for (std::uint64_t i = 0; i < uniform.size(); ++i) uniform.data[i] = random.Uniform(-1, 1);
     if (Status status = CheckFinite("an action component", {candidates.data, candidates.size()});
@@ -169,7 +174,8 @@ class Rollout final : public Planner {
       return status;
     }
     if (request.explore) {
-      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kCandidateNoise), candidates);
+      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kCandidateNoise),
+                          candidates);
     }
     return OkStatus();
   }
@@ -180,13 +186,13 @@ class Rollout final : public Planner {
     for (std::uint64_t i = 0; i < batch_; ++i) latents_[0].Set(i, request.root);
     const std::uint64_t imagine_seed = DeriveSeed(request.seed, kImagine);
     const std::uint64_t continuation_seed = DeriveSeed(request.seed, kContinuation);
-    for (std::uint64_t t = 0; t < depth_; ++t) {
+    for (std::uint64_t t = 0; t < settings_.depth; ++t) {
       const Latents from = latents_[t % 2].middle_rows(0, batch_);
       const Latents to = latents_[(t + 1) % 2].middle_rows(0, batch_);
       Status status;
       if (t > 0) {
         status =
-            sample_continuation_
+            settings_.sample_continuation
                 ? model_->ProposeSamples(from, Seeds(DeriveSeed(continuation_seed, t)), actions(t))
                 : model_->ProposeMode(from, actions(t));
         if (!status.ok()) return status;
@@ -195,7 +201,7 @@ class Rollout final : public Planner {
                                {to, Column(rewards_, t), Column(discounts_, t)});
       if (!status.ok()) return status;
       // With lambda = 1 only the last value is in the return.
-      if (lambda_ < 1 || t + 1 == depth_) {
+      if (settings_.lambda < 1 || t + 1 == settings_.depth) {
         status = search_values_.Ask(model_, to, request.explore, Column(values_, t));
         if (!status.ok()) return status;
       }
@@ -204,12 +210,12 @@ class Rollout final : public Planner {
   }
 
   void ComputeReturns() noexcept {
-    for (std::uint64_t t = depth_; t-- > 0;) {
+    for (std::uint64_t t = settings_.depth; t-- > 0;) {
       for (std::uint64_t i = t * batch_; i < (t + 1) * batch_; ++i) {
-        const double after = t + 1 == depth_ ? values_[i]
-                             : lambda_ < 1
-                                 ? (1 - lambda_) * values_[i] + lambda_ * returns_[i + batch_]
-                                 : returns_[i + batch_];
+        const double after = t + 1 == settings_.depth ? values_[i]
+                             : settings_.lambda < 1   ? (1 - settings_.lambda) * values_[i] +
+                                                          settings_.lambda * returns_[i + batch_]
+                                                    : returns_[i + batch_];
         returns_[i] = rewards_[i] + discounts_[i] * after;
       }
     }
@@ -224,7 +230,7 @@ class Rollout final : public Planner {
 
   // The candidates, then what follows each of them, transition by transition.
   void Report(TreeSink* tree) noexcept {
-    for (std::uint64_t t = 0; t < depth_; ++t) {
+    for (std::uint64_t t = 0; t < settings_.depth; ++t) {
       for (std::uint64_t i = 0; i < batch_; ++i) {
         const std::uint64_t edge = t * batch_ + i;
         tree->Edge({.parent = t == 0 ? -1 : static_cast<std::int64_t>(edge - batch_),
@@ -234,20 +240,15 @@ class Rollout final : public Planner {
                     .prior = t == 0 ? 1.0 / static_cast<double>(batch_) : 1,
                     .reward = rewards_[edge],
                     .discount = discounts_[edge],
-                    .value = lambda_ < 1 || t + 1 == depth_ ? values_[edge] : 0,
+                    .value = settings_.lambda < 1 || t + 1 == settings_.depth ? values_[edge] : 0,
                     .expanded = true});
       }
     }
   }
 
   const PlannerSizes sizes_;
-  const std::uint64_t actor_candidates_;
-  const std::uint64_t uniform_candidates_;
+  const RolloutSettings settings_;
   const std::uint64_t batch_;  // B
-  const std::uint64_t depth_;
-  const double lambda_;
-  const bool sample_continuation_;
-  const double noise_std_;
   SearchValues search_values_;
   LatentModel* model_ = nullptr;
   LatentBuffer latents_[2];           // [B], transitions go from one to the other
@@ -267,7 +268,7 @@ constexpr ComponentDescriptor kComponents[] = {{
     .name = "rollout",
     .version = "1.0.0",
     .summary = "Many first actions, each followed by the actor; plays the best lambda-return",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kMetrics),
     .create_planner = CreatePlanner<Rollout>,
 }};

@@ -15,67 +15,64 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    IntParameter("candidates", 1000, 2, 1000000, "sequences",
-                 "Sequences an iteration (Hafner et al. 2019)."),
-    IntParameter("elites", 100, 1, 1000000, "sequences",
-                 "Sequences that mean and deviation are refitted to (Hafner et al. 2019)."),
-    IntParameter("iterations", 10, 1, 1000, "", "Refits a decision (Hafner et al. 2019)."),
-    IntParameter("horizon", 12, 1, 1000, "transitions",
-                 "Actions in a sequence (Hafner et al. 2019)."),
-    RealParameter("initial_std", 1, 1e-6, 10, "",
-                  "Standard deviation of the first candidates (Hafner et al. 2019)."),
-    kBootstrapParameter,
-    kPlayedNoiseParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
+struct CemSettings : RefitSettings {
+  double initial_std;
 };
+constexpr auto kSettings = BindSettings<CemSettings>(
+    Bind<&CemSettings::candidates>(IntParameter("candidates", 1000, 2, 1000000, "sequences",
+                                                "Sequences an iteration (Hafner et al. 2019).")),
+    Bind<&CemSettings::elites>(
+        IntParameter("elites", 100, 1, 1000000, "sequences",
+                     "Sequences that mean and deviation are refitted to (Hafner et al. 2019).")),
+    Bind<&CemSettings::iterations>(
+        IntParameter("iterations", 10, 1, 1000, "", "Refits a decision (Hafner et al. 2019).")),
+    Bind<&CemSettings::horizon>(IntParameter("horizon", 12, 1, 1000, "transitions",
+                                             "Actions in a sequence (Hafner et al. 2019).")),
+    Bind<&CemSettings::initial_std>(
+        RealParameter("initial_std", 1, 1e-6, 10, "",
+                      "Standard deviation of the first candidates (Hafner et al. 2019).")),
+    kBootstrapParameter, kPlayedNoiseParameter, kValueBonusParameter, kValueInEvaluationParameter);
 
 enum Stream : std::uint64_t { kIteration = 1, kNoise = 2 };
 
 class Cem final : public ShootingPlanner {
  public:
-  explicit Cem(const PlannerContext& context)
-      : ShootingPlanner(context, Count(context, "candidates")),
-        elites_(Count(context, "elites")),
-        iterations_(Count(context, "iterations")),
-        initial_std_(context.parameters.GetReal("initial_std")),
-        bootstrap_(context.parameters.GetBool("bootstrap")),
-        noise_std_(context.parameters.GetReal("noise_std")),
-        mean_(trajectories_.horizon() * context.action_size),
-        std_(trajectories_.horizon() * context.action_size) {
-    if (elites_ > trajectories_.count()) {
-      throw std::invalid_argument("elites is " + std::to_string(elites_) +
-                                  ", expected at most candidates, which is " +
-                                  std::to_string(trajectories_.count()));
-    }
-  }
+  explicit Cem(const PlannerContext& context) : Cem(context, kSettings.Read(context.parameters)) {}
 
  private:
+  Cem(const PlannerContext& context, const CemSettings& settings)
+      : ShootingPlanner(context, settings),
+        settings_(settings),
+        mean_(settings.horizon * context.action_size),
+        std_(settings.horizon * context.action_size) {
+    AtMostCandidates(settings, "elites", settings.elites);
+  }
+
   Status Search(const PlanRequest& request, View<double> played,
                 ShootingPlan* plan) noexcept override {
     std::fill(mean_.begin(), mean_.end(), 0.0);
-    std::fill(std_.begin(), std_.end(), initial_std_);
-    for (std::uint64_t k = 0; k < iterations_; ++k) {
+    std::fill(std_.begin(), std_.end(), settings_.initial_std);
+    for (std::uint64_t k = 0; k < settings_.iterations; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
       Draw(DeriveSeed(seed, 0));
-      Status status = trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(seed, 1));
+      Status status =
+          trajectories_.Imagine(model_, request, settings_.bootstrap, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
     }
     std::copy_n(mean_.data(), played.size, played.data);
     if (request.explore) {
-      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise),
+      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
                           {played.data, 1, played.size});
     }
-    plan->policy = trajectories_.Best(elites_);
+    plan->policy = trajectories_.Best(settings_.elites);
     for (const std::uint32_t i : plan->policy) {
-      plan->value += trajectories_.returns()[i] / static_cast<double>(elites_);
+      plan->value += trajectories_.returns()[i] / static_cast<double>(settings_.elites);
     }
     for (std::uint64_t j = 0; j < played.size; ++j) {
       plan->std += std_[j] / static_cast<double>(played.size);
     }
-    plan->iterations = iterations_;
+    plan->iterations = settings_.iterations;
     return OkStatus();
   }
 
@@ -94,8 +91,8 @@ class Cem final : public ShootingPlanner {
   }
 
   void Refit() noexcept {
-    const View<const std::uint32_t> elites = trajectories_.Best(elites_);
-    const double count = static_cast<double>(elites_);
+    const View<const std::uint32_t> elites = trajectories_.Best(settings_.elites);
+    const double count = static_cast<double>(settings_.elites);
     const std::uint64_t size = sizes_.action_size;
     for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
       const MatrixView<double> actions = trajectories_.actions(t);
@@ -112,11 +109,7 @@ class Cem final : public ShootingPlanner {
     }
   }
 
-  const std::uint64_t elites_;
-  const std::uint64_t iterations_;
-  const double initial_std_;
-  const bool bootstrap_;
-  const double noise_std_;
+  const CemSettings settings_;
   std::vector<double> mean_;  // [H, A]
   std::vector<double> std_;   // [H, A]
 };
@@ -129,7 +122,7 @@ constexpr ComponentDescriptor kCem = {
     .name = "cem",
     .version = "1.0.0",
     .summary = "Cross-entropy method over action sequences, with PlaNet's settings",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kShootingMetrics),
     .create_planner = CreatePlanner<Cem>,
 };

@@ -20,58 +20,53 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    IntParameter("candidates", 512, 2, 1000000, "sequences",
-                 "Sequences an iteration, those of the actor included (Hansen et al. 2024)."),
-    IntParameter("actor_candidates", 24, 0, 1000000, "sequences",
-                 "Sequences that follow the actor (Hansen et al. 2024)."),
-    IntParameter("elites", 64, 1, 1000000, "sequences",
-                 "Sequences that mean and deviation are refitted to (Hansen et al. 2024)."),
-    IntParameter("iterations", 6, 1, 1000, "", "Refits a decision (Hansen et al. 2024)."),
-    IntParameter("horizon", 3, 1, 1000, "transitions",
-                 "Actions in a sequence (Hansen et al. 2024)."),
-    RealParameter("temperature", 0.5, 0, 1e6, "",
-                  "Elites count with exp(temperature (return - best)) (Hansen et al. 2024)."),
-    RealParameter("min_std", 0.05, 0, 10, "", "Least deviation (Hansen et al. 2024)."),
-    RealParameter("max_std", 2, 1e-6, 10, "",
-                  "Largest deviation, and that of the first candidates (Hansen et al. 2024)."),
-    BoolParameter("bootstrap", true,
-                  "Add the value of the last imagined latent to the return of a sequence (Hansen "
-                  "et al. 2024)."),
-    BoolParameter("warm_start", true,
-                  "Start from the last decision's mean, shifted by one (Hansen et al. 2024)."),
-    ChoiceParameter("play", "elite", "elite,mean",
-                    "Play an elite drawn by weight (Hansen et al. 2024) or the mean."),
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
+struct MppiSettings : RefitSettings {
+  std::uint64_t actor_candidates;
+  double temperature;
+  double min_std, max_std;
+  bool warm_start;
+  bool play_mean;
 };
+constexpr auto kSettings = BindSettings<MppiSettings>(
+    Bind<&MppiSettings::candidates>(
+        IntParameter("candidates", 512, 2, 1000000, "sequences",
+                     "Sequences an iteration, those of the actor included (Hansen et al. 2024).")),
+    Bind<&MppiSettings::actor_candidates>(
+        IntParameter("actor_candidates", 24, 0, 1000000, "sequences",
+                     "Sequences that follow the actor (Hansen et al. 2024).")),
+    Bind<&MppiSettings::elites>(
+        IntParameter("elites", 64, 1, 1000000, "sequences",
+                     "Sequences that mean and deviation are refitted to (Hansen et al. 2024).")),
+    Bind<&MppiSettings::iterations>(
+        IntParameter("iterations", 6, 1, 1000, "", "Refits a decision (Hansen et al. 2024).")),
+    Bind<&MppiSettings::horizon>(IntParameter("horizon", 3, 1, 1000, "transitions",
+                                              "Actions in a sequence (Hansen et al. 2024).")),
+    Bind<&MppiSettings::temperature>(
+        RealParameter("temperature", 0.5, 0, 1e6, "",
+                      "Elites count with exp(temperature (return - best)) (Hansen et al. 2024).")),
+    Bind<&MppiSettings::min_std>(
+        RealParameter("min_std", 0.05, 0, 10, "", "Least deviation (Hansen et al. 2024).")),
+    Bind<&MppiSettings::max_std>(
+        RealParameter("max_std", 2, 1e-6, 10, "",
+                      "Largest deviation, and that of the first candidates (Hansen et al. 2024).")),
+    Bind<&MppiSettings::bootstrap>(BoolParameter(
+        "bootstrap", true,
+        "Add the value of the last imagined latent to the return of a sequence (Hansen "
+        "et al. 2024).")),
+    Bind<&MppiSettings::warm_start>(
+        BoolParameter("warm_start", true,
+                      "Start from the last decision's mean, shifted by one (Hansen et al. 2024).")),
+    Bind<&MppiSettings::play_mean>(
+        ChoiceParameter("play", "elite", "elite,mean",
+                        "Play an elite drawn by weight (Hansen et al. 2024) or the mean.")),
+    kValueBonusParameter, kValueInEvaluationParameter);
 
 enum Stream : std::uint64_t { kActor = 1, kIteration = 2, kElite = 3, kNoise = 4 };
 
 class Mppi final : public ShootingPlanner {
  public:
   explicit Mppi(const PlannerContext& context)
-      : ShootingPlanner(context, Count(context, "candidates")),
-        actor_candidates_(Count(context, "actor_candidates")),
-        elites_(Count(context, "elites")),
-        iterations_(Count(context, "iterations")),
-        temperature_(context.parameters.GetReal("temperature")),
-        min_std_(context.parameters.GetReal("min_std")),
-        max_std_(context.parameters.GetReal("max_std")),
-        bootstrap_(context.parameters.GetBool("bootstrap")),
-        warm_start_(context.parameters.GetBool("warm_start")),
-        play_mean_(context.parameters.IsChoice("play", "mean")),
-        mean_(trajectories_.horizon() * context.action_size),
-        std_(trajectories_.horizon() * context.action_size),
-        weights_(elites_) {
-    AtMostCandidates("elites", elites_);
-    AtMostCandidates("actor_candidates", actor_candidates_);
-    if (min_std_ > max_std_) {
-      throw std::invalid_argument("min_std is " + std::to_string(min_std_) +
-                                  ", expected at most max_std, which is " +
-                                  std::to_string(max_std_));
-    }
-  }
+      : Mppi(context, kSettings.Read(context.parameters)) {}
 
   // The mean of the last plan.
   Status Save(ByteSink* sink) const noexcept override {
@@ -84,53 +79,61 @@ class Mppi final : public ShootingPlanner {
   }
 
  private:
-  void AtMostCandidates(const char* name, std::uint64_t value) const {
-    if (value <= trajectories_.count()) return;
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                                ", expected at most candidates, which is " +
-                                std::to_string(trajectories_.count()));
+  Mppi(const PlannerContext& context, const MppiSettings& settings)
+      : ShootingPlanner(context, settings),
+        settings_(settings),
+        mean_(settings.horizon * context.action_size),
+        std_(settings.horizon * context.action_size),
+        weights_(settings.elites) {
+    AtMostCandidates(settings, "elites", settings.elites);
+    AtMostCandidates(settings, "actor_candidates", settings.actor_candidates);
+    if (settings_.min_std > settings_.max_std) {
+      throw std::invalid_argument("min_std is " + std::to_string(settings_.min_std) +
+                                  ", expected at most max_std, which is " +
+                                  std::to_string(settings_.max_std));
+    }
   }
 
   void ForgetPlan() noexcept override { std::fill(mean_.begin(), mean_.end(), 0.0); }
 
   Status Search(const PlanRequest& request, View<double> played,
                 ShootingPlan* plan) noexcept override {
-    if (warm_start_) {
+    if (settings_.warm_start) {
       std::copy(mean_.begin() + static_cast<std::ptrdiff_t>(played.size), mean_.end(),
                 mean_.begin());
       std::fill(mean_.end() - static_cast<std::ptrdiff_t>(played.size), mean_.end(), 0.0);
     } else {
       ForgetPlan();
     }
-    std::fill(std_.begin(), std_.end(), max_std_);
+    std::fill(std_.begin(), std_.end(), settings_.max_std);
     Status status;
-    if (actor_candidates_ > 0) {
-      status = trajectories_.FollowActor(model_, request.root, actor_candidates_,
+    if (settings_.actor_candidates > 0) {
+      status = trajectories_.FollowActor(model_, request.root, settings_.actor_candidates,
                                          DeriveSeed(request.seed, kActor));
       if (!status.ok()) return status;
     }
-    for (std::uint64_t k = 0; k < iterations_; ++k) {
+    for (std::uint64_t k = 0; k < settings_.iterations; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
       Draw(DeriveSeed(seed, 0));
-      status = trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(seed, 1));
+      status = trajectories_.Imagine(model_, request, settings_.bootstrap, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
     }
 
-    const View<const std::uint32_t> elites = trajectories_.Best(elites_);
-    if (play_mean_) {
+    const View<const std::uint32_t> elites = trajectories_.Best(settings_.elites);
+    if (settings_.play_mean) {
       std::copy_n(mean_.data(), played.size, played.data);
     } else {
       const std::uint32_t elite = elites[DrawElite(DeriveSeed(request.seed, kElite))];
       std::copy_n(trajectories_.actions(0).row(elite).data, played.size, played.data);
     }
-    for (std::uint64_t i = 0; i < elites_; ++i) {
+    for (std::uint64_t i = 0; i < settings_.elites; ++i) {
       plan->value += weights_[i] * trajectories_.returns()[elites[i]];
     }
     for (std::uint64_t j = 0; j < played.size; ++j) {
       plan->std += std_[j] / static_cast<double>(played.size);
     }
-    plan->iterations = iterations_;
+    plan->iterations = settings_.iterations;
     plan->policy = elites;
     plan->weights = {weights_.data(), weights_.size()};
     if (request.explore) {
@@ -148,7 +151,7 @@ class Mppi final : public ShootingPlanner {
     const std::uint64_t size = sizes_.action_size;
     for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
       const MatrixView<double> actions = trajectories_.actions(t);
-      for (std::uint64_t i = actor_candidates_; i < actions.rows; ++i) {
+      for (std::uint64_t i = settings_.actor_candidates; i < actions.rows; ++i) {
         for (std::uint64_t j = 0; j < size; ++j) {
           actions(i, j) =
               std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(), -1.0, 1.0);
@@ -158,11 +161,11 @@ class Mppi final : public ShootingPlanner {
   }
 
   void Refit() noexcept {
-    const View<const std::uint32_t> elites = trajectories_.Best(elites_);
+    const View<const std::uint32_t> elites = trajectories_.Best(settings_.elites);
     const double best = trajectories_.returns()[elites[0]];
     double sum = 0;
-    for (std::uint64_t i = 0; i < elites_; ++i) {
-      weights_[i] = std::exp(temperature_ * (trajectories_.returns()[elites[i]] - best));
+    for (std::uint64_t i = 0; i < settings_.elites; ++i) {
+      weights_[i] = std::exp(settings_.temperature * (trajectories_.returns()[elites[i]] - best));
       sum += weights_[i];
     }
     for (double& weight : weights_) weight /= sum;
@@ -171,14 +174,15 @@ class Mppi final : public ShootingPlanner {
       const MatrixView<double> actions = trajectories_.actions(t);
       for (std::uint64_t j = 0; j < size; ++j) {
         double mean = 0, variance = 0;
-        for (std::uint64_t i = 0; i < elites_; ++i) mean += weights_[i] * actions(elites[i], j);
-        for (std::uint64_t i = 0; i < elites_; ++i) {
+        for (std::uint64_t i = 0; i < settings_.elites; ++i)
+          mean += weights_[i] * actions(elites[i], j);
+        for (std::uint64_t i = 0; i < settings_.elites; ++i) {
           const double offset = actions(elites[i], j) - mean;
           variance += weights_[i] * offset * offset;
         }
         // A mean of ones may round to more than one.
         mean_[t * size + j] = std::clamp(mean, -1.0, 1.0);
-        std_[t * size + j] = std::clamp(std::sqrt(variance), min_std_, max_std_);
+        std_[t * size + j] = std::clamp(std::sqrt(variance), settings_.min_std, settings_.max_std);
       }
     }
   }
@@ -186,22 +190,14 @@ class Mppi final : public ShootingPlanner {
   // An index into the elites, by weight.
   std::uint64_t DrawElite(std::uint64_t seed) const noexcept {
     double left = Random(seed).Uniform();
-    for (std::uint64_t i = 0; i + 1 < elites_; ++i) {
+    for (std::uint64_t i = 0; i + 1 < settings_.elites; ++i) {
       left -= weights_[i];
       if (left < 0) return i;
     }
-    return elites_ - 1;
+    return settings_.elites - 1;
   }
 
-  const std::uint64_t actor_candidates_;
-  const std::uint64_t elites_;
-  const std::uint64_t iterations_;
-  const double temperature_;
-  const double min_std_;
-  const double max_std_;
-  const bool bootstrap_;
-  const bool warm_start_;
-  const bool play_mean_;
+  const MppiSettings settings_;
   std::vector<double> mean_;     // [H, A]
   std::vector<double> std_;      // [H, A]
   std::vector<double> weights_;  // [elites], of the last refit, sum 1
@@ -215,7 +211,7 @@ constexpr ComponentDescriptor kMppi = {
     .name = "mppi",
     .version = "1.0.0",
     .summary = "Path integral control with actor proposals, bootstrap and warm start (TD-MPC2)",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kShootingMetrics),
     .create_planner = CreatePlanner<Mppi>,
 };

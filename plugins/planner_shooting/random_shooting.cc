@@ -9,25 +9,24 @@
 namespace dreamsearch {
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    IntParameter("candidates", 1000, 1, 1000000, "sequences", "Sequences a decision."),
-    IntParameter("horizon", 12, 1, 1000, "transitions", "Actions in a sequence."),
-    kBootstrapParameter,
-    kPlayedNoiseParameter,
-    kValueBonusParameter,
-    kValueInEvaluationParameter,
-};
+constexpr auto kSettings = BindSettings<ShootingSettings>(
+    Bind<&ShootingSettings::candidates>(
+        IntParameter("candidates", 1000, 1, 1000000, "sequences", "Sequences a decision.")),
+    Bind<&ShootingSettings::horizon>(
+        IntParameter("horizon", 12, 1, 1000, "transitions", "Actions in a sequence.")),
+    kBootstrapParameter, kPlayedNoiseParameter, kValueBonusParameter, kValueInEvaluationParameter);
 
 enum Stream : std::uint64_t { kActions = 1, kImagine = 2, kNoise = 3 };
 
 class RandomShooting final : public ShootingPlanner {
  public:
   explicit RandomShooting(const PlannerContext& context)
-      : ShootingPlanner(context, Count(context, "candidates")),
-        bootstrap_(context.parameters.GetBool("bootstrap")),
-        noise_std_(context.parameters.GetReal("noise_std")) {}
+      : RandomShooting(context, kSettings.Read(context.parameters)) {}
 
  private:
+  RandomShooting(const PlannerContext& context, const ShootingSettings& settings)
+      : ShootingPlanner(context, settings), settings_(settings) {}
+
   Status Search(const PlanRequest& request, View<double> played,
                 ShootingPlan* plan) noexcept override {
     Random random(DeriveSeed(request.seed, kActions));
@@ -35,14 +34,14 @@ class RandomShooting final : public ShootingPlanner {
       const MatrixView<double> actions = trajectories_.actions(t);
       for (std::uint64_t i = 0; i < actions.size(); ++i) actions.data[i] = random.Uniform(-1, 1);
     }
-    Status status =
-        trajectories_.Imagine(model_, request, bootstrap_, DeriveSeed(request.seed, kImagine));
+    Status status = trajectories_.Imagine(model_, request, settings_.bootstrap,
+                                          DeriveSeed(request.seed, kImagine));
     if (!status.ok()) return status;
     plan->policy = trajectories_.Best(1);
     const std::uint32_t best = plan->policy[0];
     std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
     if (request.explore) {
-      AddExplorationNoise(noise_std_, DeriveSeed(request.seed, kNoise),
+      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
                           {played.data, 1, played.size});
     }
     plan->value = trajectories_.returns()[best];
@@ -50,8 +49,7 @@ class RandomShooting final : public ShootingPlanner {
     return OkStatus();
   }
 
-  const bool bootstrap_;
-  const double noise_std_;
+  const ShootingSettings settings_;
 };
 
 }  // namespace
@@ -62,7 +60,7 @@ constexpr ComponentDescriptor kRandomShooting = {
     .name = "random_shooting",
     .version = "1.0.0",
     .summary = "Plays the first action of the best of many uniformly random sequences",
-    .parameters = ViewOf(kParameters),
+    .parameters = kSettings.declared(),
     .metrics = ViewOf(kShootingMetrics),
     .create_planner = CreatePlanner<RandomShooting>,
 };

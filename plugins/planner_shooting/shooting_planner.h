@@ -1,6 +1,7 @@
 // shooting_planner.h - what planners over whole action sequences share.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "dreamsearch/planning.h"
@@ -18,12 +19,26 @@ static_assert(std::size(kShootingMetrics) == kShootingMetricCount);
 
 // Exploring adds Gaussian noise to the played action only: the candidates are
 // random as they are.
-constexpr ParameterSpec kPlayedNoiseParameter =
+inline constexpr auto kPlayedNoiseParameter = Bind<&ShootingSettings::noise_std>(
     RealParameter("noise_std", 0.3, 0, 10, "",
                   "Standard deviation of the Gaussian noise on the played action while exploring "
-                  "(Hafner et al. 2019).");
-constexpr ParameterSpec kBootstrapParameter = BoolParameter(
-    "bootstrap", false, "Add the value of the last imagined latent to the return of a sequence.");
+                  "(Hafner et al. 2019)."));
+inline constexpr auto kBootstrapParameter = Bind<&ShootingSettings::bootstrap>(BoolParameter(
+    "bootstrap", false, "Add the value of the last imagined latent to the return of a sequence."));
+
+// The rest of a planner that refits a Gaussian to its best sequences.
+struct RefitSettings : ShootingSettings {
+  std::uint64_t elites;
+  std::uint64_t iterations;
+};
+// Throws std::invalid_argument: the parameter `name` counts some of the candidates.
+inline void AtMostCandidates(const ShootingSettings& settings, const char* name,
+                             std::uint64_t count) {
+  if (count <= settings.candidates) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(count) +
+                              ", expected at most candidates, which is " +
+                              std::to_string(settings.candidates));
+}
 
 // A plan: what a derived class found.
 struct ShootingPlan {
@@ -83,16 +98,12 @@ class ShootingPlanner : public Planner {
   void Destroy() noexcept final { delete this; }
 
  protected:
-  ShootingPlanner(const PlannerContext& context, std::uint64_t candidates)
+  ShootingPlanner(const PlannerContext& context, const ShootingSettings& settings)
       : sizes_{context.action_size, context.latent_bytes, kShootingMetricCount},
-        trajectories_(context, candidates, Count(context, "horizon")),
+        trajectories_(context, settings),
         mode_(context.action_size),
         played_(context.action_size) {}
   virtual ~ShootingPlanner() = default;
-
-  static std::uint64_t Count(const PlannerContext& context, const char* name) {
-    return static_cast<std::uint64_t>(context.parameters.GetInt(name));
-  }
 
   // Fills `played`, noise included, and the plan; leaves the last candidates in
   // trajectories_.

@@ -4,21 +4,20 @@
 
 namespace dreamsearch {
 
-Trajectories::Trajectories(const PlannerContext& context, std::uint64_t count,
-                           std::uint64_t horizon)
-    : count_(count),
-      horizon_(horizon),
+Trajectories::Trajectories(const PlannerContext& context, const ShootingSettings& settings)
+    : count_(settings.candidates),
+      horizon_(settings.horizon),
       action_size_(context.action_size),
-      latents_{LatentBuffer(count, context.latent_bytes),
-               LatentBuffer(count, context.latent_bytes)},
-      seeds_(count),
-      actions_(horizon * count * context.action_size),
-      rewards_(horizon * count),
-      discounts_(horizon * count),
-      search_values_(context, count),
-      values_(count),
-      returns_(horizon * count),
-      order_(count) {}
+      latents_{LatentBuffer(count_, context.latent_bytes),
+               LatentBuffer(count_, context.latent_bytes)},
+      seeds_(count_),
+      actions_(horizon_ * count_ * action_size_),
+      rewards_(horizon_ * count_),
+      discounts_(horizon_ * count_),
+      search_values_(settings, count_),
+      values_(count_),
+      returns_(horizon_ * count_),
+      order_(count_) {}
 
 double Trajectories::ReturnSpread() const noexcept {
   double mean = 0;

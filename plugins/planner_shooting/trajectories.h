@@ -13,10 +13,18 @@
 
 namespace dreamsearch {
 
+// Parameters that planners over sequences share.
+struct ShootingSettings : ValueUse {
+  std::uint64_t candidates;  // N
+  std::uint64_t horizon;     // H
+  bool bootstrap;
+  double noise_std;  // 0 where it is not declared
+};
+
 class Trajectories {
  public:
   // Throws std::bad_alloc, std::length_error.
-  Trajectories(const PlannerContext& context, std::uint64_t count, std::uint64_t horizon);
+  Trajectories(const PlannerContext& context, const ShootingSettings& settings);
 
   std::uint64_t count() const noexcept { return count_; }      // N
   std::uint64_t horizon() const noexcept { return horizon_; }  // H

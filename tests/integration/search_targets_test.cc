@@ -12,7 +12,7 @@
 namespace dreamsearch {
 namespace {
 
-constexpr char kDigests[] =
+constexpr char kResultDigests[] =
     "SELECT group_concat(result_digest) FROM (SELECT result_digest FROM run WHERE status = "
     "'finished' ORDER BY planner)";
 
@@ -55,7 +55,7 @@ class SearchTargets : public testing::TestWithParam<const char*> {
   std::string Digests(const std::vector<std::string>& arguments, const std::string& db) const {
     const ProgramResult result = place_.Runner(arguments);
     EXPECT_EQ(result.exit_status, 0) << result.err;
-    return place_.Value(db, kDigests);
+    return place_.Value(db, kResultDigests);
   }
 
   Workplace place_;

@@ -4,6 +4,7 @@
 
 #include "dreamsearch/environment.h"
 #include "dreamsearch/plugin.h"
+#include "dreamsearch/settings.h"
 
 namespace dreamsearch {
 namespace {
@@ -30,8 +31,59 @@ TEST(Parameters, FindsValuesByName) {
   constexpr ParameterValue kValues[] = {{"depth", 10, nullptr}, {"noise", 0, "mode"}};
   const Parameters parameters{ViewOf(kValues)};
   EXPECT_EQ(parameters.GetInt("depth"), 10);
-  EXPECT_TRUE(parameters.IsChoice("noise", "mode"));
+  EXPECT_STREQ(parameters.GetText("noise"), "mode");
   EXPECT_EQ(parameters.Find("absent"), nullptr);
+}
+
+TEST(Parameters, RefusesAnUndeclaredName) {
+  const Parameters none;
+  EXPECT_THROW(none.GetReal("depth"), std::invalid_argument);
+}
+
+struct Walk {
+  enum class Gait { kSlow, kFast, kMad };
+  std::uint64_t steps;
+  double speed;
+  double count;  // an integer parameter
+  bool upright;
+  bool backwards;  // the second choice of two
+  Gait gait;
+  std::string surface;
+};
+struct LongWalk : Walk {
+  std::int32_t rests;
+};
+constexpr auto kWalk = BindSettings<LongWalk>(
+    Bind<&Walk::steps>(IntParameter("steps", 10, 0, 1000, "", "")),
+    Bind<&Walk::speed>(RealParameter("speed", 0.5, 0, 1, "", "")),
+    Bind<&Walk::count>(IntParameter("count", 3, 0, 9, "", "")),
+    Bind<&Walk::upright>(BoolParameter("upright", true, "")),
+    Bind<&Walk::backwards>(ChoiceParameter("direction", "forwards", "forwards,backwards", "")),
+    Bind<&Walk::gait>(ChoiceParameter("gait", "slow", "slow,fast,mad", "")),
+    Bind<&Walk::surface>(TextParameter("surface", "", "")),
+    Bind<&LongWalk::rests>(IntParameter("rests", -1, -5, 5, "", "")));
+
+TEST(BindSettings, DeclaresItsParametersInOrderAndReadsThemIntoTheMembers) {
+  ASSERT_EQ(kWalk.declared().size, 8u);
+  EXPECT_STREQ(kWalk.declared()[4].name, "direction");
+  const ParameterValue values[] = {{"rests", -2, nullptr},        {"gait", 0, "mad"},
+                                   {"steps", 7, nullptr},         {"speed", 0.25, nullptr},
+                                   {"count", 9, nullptr},         {"upright", 1, nullptr},
+                                   {"direction", 0, "backwards"}, {"surface", 0, "sand"}};
+  const LongWalk walk = kWalk.Read({ViewOf(values)});
+  EXPECT_EQ(walk.steps, 7u);
+  EXPECT_EQ(walk.speed, 0.25);
+  EXPECT_EQ(walk.count, 9);
+  EXPECT_TRUE(walk.upright);
+  EXPECT_TRUE(walk.backwards);
+  EXPECT_EQ(walk.gait, Walk::Gait::kMad);
+  EXPECT_EQ(walk.surface, "sand");
+  EXPECT_EQ(walk.rests, -2);
+}
+
+TEST(BindSettings, RefusesValuesOfWhichOneIsMissing) {
+  const ParameterValue values[] = {{"steps", 7, nullptr}};
+  EXPECT_THROW(kWalk.Read({ViewOf(values)}), std::invalid_argument);
 }
 
 TEST(ToEnvironmentBounds, MeetsTheEndsExactlyAndClips) {

@@ -5,12 +5,14 @@
 // the run's stored configuration all come from it.
 //
 // Values resolve as default < preset < configuration file < command line. The
-// factory gets every declared parameter, so Get* never misses a declared name.
+// factory gets a value for every declared parameter.
 #pragma once
 
 #include <concepts>
 #include <cstdint>
 #include <cstring>
+#include <stdexcept>
+#include <string>
 
 #include "dreamsearch/view.h"
 
@@ -175,23 +177,22 @@ struct Parameters {
     }
     return nullptr;
   }
-  // The name must be a declared one; an undeclared name reads as 0 or "".
-  bool GetBool(const char* name) const noexcept { return GetReal(name) != 0; }
-  std::int64_t GetInt(const char* name) const noexcept {
-    return static_cast<std::int64_t>(GetReal(name));
-  }
-  double GetReal(const char* name) const noexcept {
+  // The value of a declared name. Throws std::invalid_argument for any other: catch it before
+  // it crosses the plugin's boundary (CreatePlanner and its like do). settings.h reads all
+  // values of a component without naming them again.
+  const ParameterValue& Of(const char* name) const {
     const ParameterValue* value = Find(name);
-    return value != nullptr ? value->number : 0;
+    if (value != nullptr) return *value;
+    throw std::invalid_argument(std::string("the component reads the parameter '") + name +
+                                "', which it does not declare");
   }
-  const char* GetChoice(const char* name) const noexcept {
-    const ParameterValue* value = Find(name);
-    return value != nullptr && value->choice != nullptr ? value->choice : "";
-  }
-  const char* GetText(const char* name) const noexcept { return GetChoice(name); }
-  const char* GetPath(const char* name) const noexcept { return GetChoice(name); }
-  bool IsChoice(const char* name, const char* choice) const noexcept {
-    return std::strcmp(GetChoice(name), choice) == 0;
+  bool GetBool(const char* name) const { return Of(name).number != 0; }
+  std::int64_t GetInt(const char* name) const { return static_cast<std::int64_t>(Of(name).number); }
+  double GetReal(const char* name) const { return Of(name).number; }
+  // Of what IsText.
+  const char* GetText(const char* name) const {
+    const char* text = Of(name).choice;
+    return text != nullptr ? text : "";
   }
 };
 

@@ -17,6 +17,7 @@
 
 #include "dreamsearch/plugin.h"
 #include "dreamsearch/random.h"
+#include "dreamsearch/settings.h"
 
 namespace dreamsearch {
 
@@ -76,40 +77,43 @@ inline double ActionDistance(View<const double> a, View<const double> b) noexcep
 
 // How a search uses the spread of a model's values (ValueResult). A model without an ensemble
 // reports none, and these change nothing.
-constexpr ParameterSpec kValueBonusParameter = RealParameter(
+struct ValueUse {
+  double value_bonus;
+  bool least_in_evaluation;
+};
+inline constexpr auto kValueBonusParameter = Bind<&ValueUse::value_bonus>(RealParameter(
     "value_bonus", 0, -100, 100, "deviations",
     "Added to a value of the model while exploring, in deviations of its ensemble (EfficientTDMPC "
-    "2026: 0.3).");
-constexpr ParameterSpec kValueInEvaluationParameter = ChoiceParameter(
-    "value_in_evaluation", "mean", "mean,least",
-    "The value of the model while not exploring: its ensemble's mean or least (MRS.Q 2026).");
+    "2026: 0.3)."));
+inline constexpr auto kValueInEvaluationParameter =
+    Bind<&ValueUse::least_in_evaluation>(ChoiceParameter(
+        "value_in_evaluation", "mean", "mean,least",
+        "The value of the model while not exploring: its ensemble's mean or least (MRS.Q 2026)."));
 
 // Asks for values as those two parameters say, for up to `rows` latents at once.
 class SearchValues {
  public:
-  SearchValues(const PlannerContext& context, std::uint64_t rows)
-      : bonus_(context.parameters.GetReal("value_bonus")),
-        least_(context.parameters.IsChoice("value_in_evaluation", "least")) {
-    if (bonus_ != 0) deviations_.resize(rows);
-    if (least_) means_.resize(rows);
+  SearchValues(const ValueUse& use, std::uint64_t rows) : use_(use) {
+    if (use.value_bonus != 0) deviations_.resize(rows);
+    if (use.least_in_evaluation) means_.resize(rows);
   }
 
   Status Ask(LatentModel* model, ConstLatents latents, bool explore, View<double> values) noexcept {
-    if (explore && bonus_ != 0) {
+    if (explore && use_.value_bonus != 0) {
       const Status status = model->Value(
           latents, {.values = values, .deviations = {deviations_.data(), values.size}});
-      for (std::uint64_t i = 0; i < values.size; ++i) values[i] += bonus_ * deviations_[i];
+      for (std::uint64_t i = 0; i < values.size; ++i)
+        values[i] += use_.value_bonus * deviations_[i];
       return status;
     }
-    if (!explore && least_) {
+    if (!explore && use_.least_in_evaluation) {
       return model->Value(latents, {.values = {means_.data(), values.size}, .least = values});
     }
     return model->Value(latents, {.values = values});
   }
 
  private:
-  const double bonus_;
-  const bool least_;
+  const ValueUse use_;
   std::vector<double> deviations_, means_;
 };
 

@@ -20,6 +20,7 @@ struct View {
   T* begin() const noexcept { return data; }
   T* end() const noexcept { return data + size; }
   bool empty() const noexcept { return size == 0; }
+  // NOLINTNEXTLINE(google-explicit-constructor): reading what one may write is always right.
   operator View<const T>() const noexcept { return {data, size}; }
 };
 
@@ -39,6 +40,7 @@ struct MatrixView {
     return {data + first * cols, count, cols};
   }
   std::uint64_t size() const noexcept { return rows * cols; }
+  // NOLINTNEXTLINE(google-explicit-constructor)
   operator MatrixView<const T>() const noexcept { return {data, rows, cols}; }
 };
 

@@ -13,15 +13,19 @@
 namespace dreamsearch {
 namespace {
 
+// Of a pixel's first byte.
+std::size_t Offset(const Picture& picture, int x, int y) {
+  return 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) +
+              static_cast<std::size_t>(x));
+}
+
 Picture Plain(int width, int height, std::uint8_t shade) {
   Picture picture{width, height, {}};
-  picture.rgb.assign(static_cast<std::size_t>(width * height * 3), shade);
+  picture.rgb.assign(Offset(picture, 0, height), shade);
   return picture;
 }
 
-int ShadeAt(const Picture& picture, int x, int y) {
-  return picture.rgb[static_cast<std::size_t>((y * picture.width + x) * 3)];
-}
+int ShadeAt(const Picture& picture, int x, int y) { return picture.rgb[Offset(picture, x, y)]; }
 
 TEST(PictureSheet, KeepsTheFirstAndTheLastAndSpreadsTheRestEvenly) {
   for (const int count : {1, 2, 11, 12, 13, 48, 49, 100, 251}) {
@@ -64,9 +68,7 @@ TEST(Panel, LeavesTheSceneAsItIsAndDrawsPositiveActionsUpwards) {
     for (const int y : {0, 50, 99}) EXPECT_EQ(ShadeAt(panel, x, top + y), 77);
   }
   // The two bars end 8 pixels from the right edge, 12 wide each; blue is positive.
-  const auto blue = [&](int x, int y) {
-    return panel.rgb[static_cast<std::size_t>((y * panel.width + x) * 3 + 2)];
-  };
+  const auto blue = [&](int x, int y) { return panel.rgb[Offset(panel, x, y) + 2]; };
   const int middle = top + 100 + 2 + 15;
   EXPECT_GT(blue(200 - 8 - 18, middle - 8), 200);  // the first, above
   EXPECT_LT(blue(200 - 8 - 18, middle + 8), 100);

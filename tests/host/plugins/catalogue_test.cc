@@ -26,10 +26,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::filesystem::path Corpus(const std::string& name) {
-  return std::filesystem::path(DREAMSEARCH_CORPUS_DIR) / (name + ".so");
-}
-
 ScanOptions Patient() {
   ScanOptions options;
   options.timeout = 60s;  // for libraries that end by themselves, on a busy machine

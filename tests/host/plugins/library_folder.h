@@ -1,4 +1,5 @@
-// library_folder.h - a folder for libraries that is gone at the end of a test.
+// library_folder.h - the libraries of corpus/, and a folder for others that is gone at the end of
+// a test.
 #pragma once
 
 #include <filesystem>
@@ -8,6 +9,11 @@
 #include "results/system/temporary_folder.h"
 
 namespace dreamsearch {
+
+// A library of corpus/.
+inline std::filesystem::path Corpus(const std::string& name) {
+  return std::filesystem::path(DREAMSEARCH_CORPUS_DIR) / (name + ".so");
+}
 
 class LibraryFolder : public TemporaryFolder {
  public:

@@ -11,13 +11,10 @@
 #include "host/plugins/plugin_loader.h"
 #include "results/system/error.h"
 #include "tests/host/plugins/corpus/tiny_plugin.h"
+#include "tests/host/plugins/library_folder.h"
 
 namespace dreamsearch {
 namespace {
-
-std::filesystem::path Corpus(const std::string& name) {
-  return std::filesystem::path(DREAMSEARCH_CORPUS_DIR) / (name + ".so");
-}
 
 Failure Refusal(const std::function<void()>& action) {
   try {

@@ -18,10 +18,6 @@
 namespace dreamsearch {
 namespace {
 
-Setting CommandLine(const std::string& key, const std::string& value) {
-  return {key, value, false, "runner: --set", {}};
-}
-
 // --- files ---------------------------------------------------------------------
 
 class NamedFile : public testing::Test {

@@ -22,9 +22,6 @@
 namespace dreamsearch {
 namespace {
 
-Setting CommandLine(const std::string& key, const std::string& value) {
-  return {key, value, false, "runner: --set", {}};
-}
 Setting File(const std::string& key, const std::string& value) {
   return {key, value, true, "/x.cfg, line 3", {}};
 }
@@ -378,7 +375,7 @@ TEST(ParameterStorage, GivesAFactoryItsValues) {
   EXPECT_EQ(parameters.values.size, 3u);
   EXPECT_EQ(parameters.GetReal("noise"), 0.3);
   EXPECT_EQ(parameters.GetInt("simulations"), 40);
-  EXPECT_TRUE(parameters.IsChoice("first_play", "parent"));
+  EXPECT_STREQ(parameters.GetText("first_play"), "parent");
 }
 
 TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {

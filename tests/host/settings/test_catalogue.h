@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <string>
 
 #include "host/plugins/catalogue.h"
 #include "host/settings/run_options.h"
@@ -25,6 +26,11 @@ inline Options Base() {
   options.models = {"dreamer"};
   options.seeds = {0};
   return options;
+}
+
+// As --set gives it.
+inline Setting CommandLine(const std::string& key, const std::string& value) {
+  return {key, value, false, "runner: --set", {}};
 }
 
 inline RunSpec Resolve(const Options& options) {

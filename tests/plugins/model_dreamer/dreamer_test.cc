@@ -38,7 +38,7 @@ struct DreamerCase {
   static Settings AskingForAll(const char* preset) {
     Settings s = PresetSettings(preset);
     s.continuation = true;
-    s.imagined_latent_sample = true;
+    s.imagined_latent_mean = false;
     s.horizon = 3;
     s.imagination_starts = 300;  // more than one block
     return s;
@@ -128,7 +128,7 @@ TEST(Dreamer, LearnsAPointOnALine) {
   settings.layer_norm = true;  // bears the high rates that keep this short
   settings.model_learning_rate = settings.value_learning_rate = 2e-3;
   settings.actor_learning_rate = 2e-3;
-  settings.acting_latent_sample = false;
+  settings.acting_latent_mean = true;
   settings.imagination_starts = 64;
   const ModelPointer model = Make(settings);
   std::vector<double> first, last;

@@ -55,8 +55,8 @@ TEST(Settings, PaperPresetHasThePapersNumbers) {
   EXPECT_EQ(s.adam_epsilon, 1e-7);
   EXPECT_EQ(s.gradient_clip, 100);
   EXPECT_FALSE(s.bfloat16);
-  EXPECT_TRUE(s.acting_latent_sample);
-  EXPECT_FALSE(s.imagined_latent_sample);
+  EXPECT_FALSE(s.acting_latent_mean);
+  EXPECT_TRUE(s.imagined_latent_mean);
 }
 
 // Another default is a decision: the published figures are of these.

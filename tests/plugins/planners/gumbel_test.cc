@@ -9,16 +9,6 @@
 namespace dreamsearch {
 namespace {
 
-const ScriptedState kRoot;
-
-std::vector<Edge> RootEdges(const Decision& decision) {
-  std::vector<Edge> edges;
-  for (const Edge& edge : decision.tree) {
-    if (edge.parent == -1) edges.push_back(edge);
-  }
-  return edges;
-}
-
 // Samples are 0.01, 0.02, 0.03, ... in the order they are asked for.
 ScriptedModel Numbered() {
   ScriptedModel model = Bandit([](double a) { return a; }, 0);

@@ -7,16 +7,6 @@
 namespace dreamsearch {
 namespace {
 
-const ScriptedState kRoot;
-
-std::vector<Edge> RootEdges(const Decision& decision) {
-  std::vector<Edge> edges;
-  for (const Edge& edge : decision.tree) {
-    if (edge.parent == -1) edges.push_back(edge);
-  }
-  return edges;
-}
-
 // The first cut is across component 0, the next ones across component 1: of four
 // actions no two share a quarter of the box.
 TEST(Hoot, EachActionHasACellOfItsOwn) {

@@ -186,4 +186,13 @@ class Bytes final : public ByteSink, public ByteSource {
   std::uint64_t at = 0;
 };
 
+// The edges of the root, in the order in which they were created.
+inline std::vector<Edge> RootEdges(const Decision& decision) {
+  std::vector<Edge> edges;
+  for (const Edge& edge : decision.tree) {
+    if (edge.parent == -1) edges.push_back(edge);
+  }
+  return edges;
+}
+
 }  // namespace dreamsearch

@@ -14,8 +14,6 @@
 namespace dreamsearch {
 namespace {
 
-const ScriptedState kRoot;
-
 std::vector<Edge> Children(const std::vector<Edge>& tree, std::int64_t parent) {
   std::vector<Edge> children;
   for (const Edge& edge : tree) {

@@ -9,21 +9,6 @@
 namespace dreamsearch {
 namespace {
 
-// The state counts the transitions so far; arriving with count n pays 2^n and is
-// worth 1000 + n.
-ScriptedModel Counter(double discount) {
-  ScriptedModel model;
-  model.transition = [discount](const ScriptedState& state, ScriptedModel::Action) {
-    ScriptedTransition step;
-    step.next.x[0] = state.x[0] + 1;
-    step.reward = std::exp2(step.next.x[0]);
-    step.discount = discount;
-    return step;
-  };
-  model.value = [](const ScriptedState& state) { return 1000 + state.x[0]; };
-  return model;
-}
-
 TEST(Rollout, DepthCountsTransitionsNotStates) {
   for (const int depth : {1, 2, 10}) {
     ScriptedModel model = Counter(1);

@@ -9,19 +9,11 @@
 namespace dreamsearch {
 namespace {
 
-const ScriptedState kRoot;
 constexpr const char* kShooters[] = {"random_shooting", "cem", "mppi"};
 
-// Arriving with n transitions made pays 2^n and is worth 1000.
-ScriptedModel Counter(double discount) {
-  ScriptedModel model;
-  model.transition = [discount](const ScriptedState& state, ScriptedModel::Action) {
-    ScriptedTransition step;
-    step.next.x[0] = state.x[0] + 1;
-    step.reward = std::exp2(step.next.x[0]);
-    step.discount = discount;
-    return step;
-  };
+// As Counter, but every state is worth 1000.
+ScriptedModel FlatCounter(double discount) {
+  ScriptedModel model = Counter(discount);
   model.value = [](const ScriptedState&) { return 1000.0; };
   return model;
 }
@@ -30,7 +22,7 @@ TEST(Shooting, HorizonCountsTransitionsAndDiscountsAreTheModels) {
   for (const char* name : kShooters) {
     for (const bool bootstrap : {false, true}) {
       for (const int horizon : {1, 4}) {
-        ScriptedModel model = Counter(0.5);
+        ScriptedModel model = FlatCounter(0.5);
         LoadedPlanner planner(name, &model, {{"horizon", horizon}, {"bootstrap", bootstrap}});
         const Decision decision = planner.Plan(AsLatents(kRoot));
         // 2 + 4/2 + 8/4 + ... is 2 a transition.
@@ -43,7 +35,7 @@ TEST(Shooting, HorizonCountsTransitionsAndDiscountsAreTheModels) {
 }
 
 TEST(Shooting, AllSequencesAdvanceAsOneBatch) {
-  ScriptedModel model = Counter(1);
+  ScriptedModel model = FlatCounter(1);
   LoadedPlanner random("random_shooting", &model);
   ASSERT_TRUE(random.Plan(AsLatents(kRoot)).status.ok());
   EXPECT_EQ(model.imagine_calls, 12u);
@@ -180,7 +172,7 @@ TEST(Mppi, DeviationStaysInItsBounds) {
 }
 
 TEST(Mppi, SomeCandidatesFollowTheActor) {
-  ScriptedModel model = Counter(1);
+  ScriptedModel model = FlatCounter(1);
   // The actor's sample names the state it was drawn at.
   model.sample = [](const ScriptedState& state, Random&, View<double> action) {
     action[0] = 0.125 * (state.x[0] + 1);
@@ -274,7 +266,7 @@ TEST(Shooting, MeansStayInsideTheBounds) {
 }
 
 TEST(Shooting, RefusesSettingsThatDoNotGoTogether) {
-  ScriptedModel model = Counter(1);
+  ScriptedModel model = FlatCounter(1);
   EXPECT_THROW(LoadedPlanner("cem", &model, {{"candidates", 10}, {"elites", 11}}),
                std::runtime_error);
   EXPECT_THROW(LoadedPlanner("mppi", &model, {{"candidates", 70}, {"actor_candidates", 71}}),
