@@ -30,19 +30,13 @@ static_assert(std::size(kMetrics) == kMetricCount);
 // Streams of a decision's seed.
 enum Stream : std::uint64_t { kSample = 1, kNoise = 2 };
 
-class Dreamer final : public Planner {
+class Dreamer final : public MemorylessPlanner {
  public:
   explicit Dreamer(const PlannerContext& context)
-      : sizes_{context.action_size, context.latent_bytes, kMetricCount},
+      : MemorylessPlanner(context, kMetricCount),
         settings_(kSettings.Read(context.parameters)),
         mode_(std::make_unique<double[]>(context.action_size)),
         action_(std::make_unique<double[]>(context.action_size)) {}
-
-  Status BeginEpisode(LatentModel* model) noexcept override {
-    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
-    model_ = model;
-    return OkStatus();
-  }
 
   Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
     if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
@@ -60,8 +54,8 @@ class Dreamer final : public Planner {
     } else {
       std::copy_n(mode_.get(), size, action.data);
     }
-    if (status = CheckFinite("an action component", action); !status.ok()) return status;
-    if (status = CheckFinite("a value", {&value, 1}); !status.ok()) return status;
+    if (status = CheckFinite("action component", action); !status.ok()) return status;
+    if (status = CheckFinite("value", {&value, 1}); !status.ok()) return status;
     if (request.explore) {
       AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
                           {action.data, 1, size});
@@ -76,20 +70,10 @@ class Dreamer final : public Planner {
     return OkStatus();
   }
 
-  // Nothing is carried from one decision to the next.
-  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
-  Status Load(ByteSource*) noexcept override { return OkStatus(); }
-
-  void Destroy() noexcept override { delete this; }
-
  private:
-  ~Dreamer() = default;
-
-  const PlannerSizes sizes_;
   const DreamerSettings settings_;
   const std::unique_ptr<double[]> mode_;    // [A]
   const std::unique_ptr<double[]> action_;  // [A]
-  LatentModel* model_ = nullptr;
 };
 
 constexpr ComponentDescriptor kComponents[] = {{

@@ -65,7 +65,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
   const View<double> mode{mode_.data(), mode_.size()};
   const View<double> played{played_.data(), played_.size()};
   Status status = model_->ProposeMode(request.root, {mode.data, 1, mode.size});
-  if (status.ok()) status = CheckFinite("an action component", mode);
+  if (status.ok()) status = CheckFinite("action component", mode);
   if (status.ok()) status = BeginSearch();
   if (status.ok()) status = Search(budget);
   if (!status.ok()) {
@@ -189,8 +189,8 @@ Status TreePlanner::EvaluatePending() noexcept {
   if (status.ok()) {
     status = settings_.equal_depth > 0 ? RollOut(first, count) : AskValues(first, count);
   }
-  if (status.ok()) status = CheckFinite("a reward", tree_.rewards(first, count));
-  if (status.ok()) status = CheckFinite("a discount", tree_.discounts(first, count));
+  if (status.ok()) status = CheckFinite("reward", tree_.rewards(first, count));
+  if (status.ok()) status = CheckFinite("discount", tree_.discounts(first, count));
   if (status.ok()) tree_.MarkEvaluated();
   return status;
 }
@@ -222,7 +222,7 @@ Status TreePlanner::RollOut(Index first, Index count) noexcept {
       const View<double> values{rollout_values_.data() + next, arrived};
       Status status = values_.Ask(model_, {here.row(next).data, arrived, sizes_.latent_bytes},
                                   explore_, values);
-      if (status.ok()) status = CheckFinite("a value", values);
+      if (status.ok()) status = CheckFinite("value", values);
       if (!status.ok()) return status;
       for (Index row = next; row < rows; ++row) {
         tree_.values(first + rollout_order_[row], 1)[0] =
@@ -233,7 +233,7 @@ Status TreePlanner::RollOut(Index first, Index count) noexcept {
     const ConstLatents from{here.row(0).data, next, sizes_.latent_bytes};
     const MatrixView<double> actions{rollout_actions_.data(), next, sizes_.action_size};
     Status status = model_->ProposeMode(from, actions);
-    if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
+    if (status.ok()) status = CheckFinite("action component", {actions.data, actions.size()});
     for (Index row = 0; row < next; ++row) {
       seeds_[row] =
           DeriveSeed(DeriveSeed(DeriveSeed(seed_, kRollout), first + rollout_order_[row]), step);
@@ -247,8 +247,8 @@ Status TreePlanner::RollOut(Index first, Index count) noexcept {
                            .seeds = {seeds_.data(), next}},
                           {rollout_latents_[step % 2].middle_rows(0, next), rewards, discounts});
     }
-    if (status.ok()) status = CheckFinite("a reward", rewards);
-    if (status.ok()) status = CheckFinite("a discount", discounts);
+    if (status.ok()) status = CheckFinite("reward", rewards);
+    if (status.ok()) status = CheckFinite("discount", discounts);
     if (!status.ok()) return status;
     for (Index row = 0; row < next; ++row) {
       rollout_returns_[row] += rollout_factors_[row] * rewards[row];
@@ -261,7 +261,7 @@ Status TreePlanner::RollOut(Index first, Index count) noexcept {
 Status TreePlanner::AskValues(Index first, Index count) noexcept {
   const View<double> values = tree_.values(first, count);
   const Status status = values_.Ask(model_, tree_.latents(first, count), explore_, values);
-  return status.ok() ? CheckFinite("a value", values) : status;
+  return status.ok() ? CheckFinite("value", values) : status;
 }
 
 Status TreePlanner::AddSampledEdges(Index node, Index count, Index* first) noexcept {
@@ -273,7 +273,7 @@ Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
                                   MatrixView<double> actions) noexcept {
   const std::uint64_t seed = DeriveSeed(DeriveSeed(seed_, kProposal), stream);
   Status status = model_->ProposeSamples(tree_.latents(node, 1), {&seed, 1}, actions);
-  if (status.ok()) status = CheckFinite("an action component", {actions.data, actions.size()});
+  if (status.ok()) status = CheckFinite("action component", {actions.data, actions.size()});
   if (status.ok() && explore_) {
     AddExplorationNoise(settings_.noise_std, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),
                         actions);

@@ -7,16 +7,9 @@
 namespace dreamsearch {
 namespace {
 
-class RandomPolicy final : public Planner {
+class RandomPolicy final : public MemorylessPlanner {
  public:
-  explicit RandomPolicy(const PlannerContext& context)
-      : sizes_{context.action_size, context.latent_bytes, 0} {}
-
-  Status BeginEpisode(LatentModel* model) noexcept override {
-    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
-    model_ = model;
-    return OkStatus();
-  }
+  explicit RandomPolicy(const PlannerContext& context) : MemorylessPlanner(context, 0) {}
 
   Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
     if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
@@ -28,18 +21,6 @@ class RandomPolicy final : public Planner {
     result->depth = 0;
     return OkStatus();
   }
-
-  // Nothing is carried from one decision to the next.
-  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
-  Status Load(ByteSource*) noexcept override { return OkStatus(); }
-
-  void Destroy() noexcept override { delete this; }
-
- private:
-  ~RandomPolicy() = default;
-
-  const PlannerSizes sizes_;
-  LatentModel* model_ = nullptr;
 };
 
 constexpr ComponentDescriptor kComponents[] = {{

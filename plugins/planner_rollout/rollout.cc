@@ -69,28 +69,22 @@ enum Stream : std::uint64_t {
   kPlayedNoise = 6
 };
 
-class Rollout final : public Planner {
+class Rollout final : public MemorylessPlanner {
  public:
   explicit Rollout(const PlannerContext& context)
       : Rollout(context, kSettings.Read(context.parameters)) {}
-
-  Status BeginEpisode(LatentModel* model) noexcept override {
-    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
-    model_ = model;
-    return OkStatus();
-  }
 
   Status Plan(const PlanRequest& request, PlanResult* result) noexcept override {
     if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
     Status status = model_->ProposeMode(request.root, {mode_.data(), 1, sizes_.action_size});
     if (!status.ok()) return status;
-    status = CheckFinite("an action component", {mode_.data(), mode_.size()});
+    status = CheckFinite("action component", {mode_.data(), mode_.size()});
     if (!status.ok()) return status;
     if (status = DrawCandidates(request); !status.ok()) return status;
     if (status = Imagine(request); !status.ok()) return status;
     ComputeReturns();
     const View<const double> q{returns_.data(), batch_};
-    if (status = CheckFinite("what makes a Q of", q); !status.ok()) return status;
+    if (status = CheckFinite("return of candidate", q); !status.ok()) return status;
 
     const auto best = static_cast<std::uint64_t>(std::max_element(q.begin(), q.end()) - q.begin());
     const View<const double> candidate = actions(0).row(best);
@@ -113,15 +107,9 @@ class Rollout final : public Planner {
     return OkStatus();
   }
 
-  // Nothing is carried from one decision to the next.
-  Status Save(ByteSink*) const noexcept override { return OkStatus(); }
-  Status Load(ByteSource*) noexcept override { return OkStatus(); }
-
-  void Destroy() noexcept override { delete this; }
-
  private:
   Rollout(const PlannerContext& context, const RolloutSettings& settings)
-      : sizes_{context.action_size, context.latent_bytes, kMetricCount},
+      : MemorylessPlanner(context, kMetricCount),
         settings_(settings),
         batch_(settings.actor_candidates + settings.uniform_candidates),
         search_values_(settings, batch_) {
@@ -140,8 +128,6 @@ class Rollout final : public Planner {
     mode_.resize(sizes_.action_size);
     played_.resize(sizes_.action_size);
   }
-  ~Rollout() = default;
-
   // The actions of transition t. [B, A]
   MatrixView<double> actions(std::uint64_t t) noexcept {
     return {actions_.data() + t * batch_ * sizes_.action_size, batch_, sizes_.action_size};
@@ -169,7 +155,7 @@ class Rollout final : public Planner {
         candidates.middle_rows(settings_.actor_candidates, settings_.uniform_candidates);
     Random random(DeriveSeed(request.seed, kUniformCandidates));
     for (std::uint64_t i = 0; i < uniform.size(); ++i) uniform.data[i] = random.Uniform(-1, 1);
-    if (Status status = CheckFinite("an action component", {candidates.data, candidates.size()});
+    if (Status status = CheckFinite("action component", {candidates.data, candidates.size()});
         !status.ok()) {
       return status;
     }
@@ -246,11 +232,9 @@ class Rollout final : public Planner {
     }
   }
 
-  const PlannerSizes sizes_;
   const RolloutSettings settings_;
   const std::uint64_t batch_;  // B
   SearchValues search_values_;
-  LatentModel* model_ = nullptr;
   LatentBuffer latents_[2];           // [B], transitions go from one to the other
   std::vector<std::uint64_t> seeds_;  // [B]
   std::vector<double> actions_;       // [depth, B, A]

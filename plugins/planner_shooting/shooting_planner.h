@@ -63,7 +63,7 @@ class ShootingPlanner : public Planner {
   Status Plan(const PlanRequest& request, PlanResult* result) noexcept final {
     if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
     Status status = model_->ProposeMode(request.root, {mode_.data(), 1, mode_.size()});
-    if (status.ok()) status = CheckFinite("an action component", {mode_.data(), mode_.size()});
+    if (status.ok()) status = CheckFinite("action component", {mode_.data(), mode_.size()});
     if (!status.ok()) return status;
     ShootingPlan plan;
     const View<double> played{played_.data(), played_.size()};

@@ -47,7 +47,7 @@ Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uin
     if (!status.ok()) return status;
   }
   for (std::uint64_t t = 0; t < horizon_; ++t) {
-    status = CheckFinite("an action component", {actions(t).data, rows * action_size_});
+    status = CheckFinite("action component", {actions(t).data, rows * action_size_});
     if (!status.ok()) return status;
   }
   return OkStatus();
@@ -77,7 +77,7 @@ Status Trajectories::Imagine(LatentModel* model, const PlanRequest& request, boo
       returns_[at] = rewards_[at] + discounts_[at] * after;
     }
   }
-  return CheckFinite("what makes a return of", returns());
+  return CheckFinite("return of sequence", returns());
 }
 
 View<const std::uint32_t> Trajectories::Best(std::uint64_t count) noexcept {

@@ -36,6 +36,7 @@
 #include "host/acting/joint_model.h"
 #include "tests/benchmark/yardstick.h"
 #include "tests/plugins/planners/loaded_planner.h"
+#include "tests/twenty_tasks.h"
 
 namespace dreamsearch {
 namespace {
@@ -261,33 +262,13 @@ void Run(const std::vector<std::string>& only, int decisions) {
 void RunTasks(int decisions) {
   const std::vector<const char*> planners = {"dreamer",    "rollout",     "mcts_pw",
                                              "mcts_fixed", "mcts_gumbel", "hoot"};
-  const std::vector<const char*> tasks = {"acrobot_swingup",
-                                          "cartpole_balance",
-                                          "cartpole_balance_sparse",
-                                          "cartpole_swingup",
-                                          "cartpole_swingup_sparse",
-                                          "cheetah_run",
-                                          "cup_catch",
-                                          "finger_spin",
-                                          "finger_turn_easy",
-                                          "finger_turn_hard",
-                                          "hopper_hop",
-                                          "hopper_stand",
-                                          "pendulum_swingup",
-                                          "quadruped_run",
-                                          "quadruped_walk",
-                                          "reacher_easy",
-                                          "reacher_hard",
-                                          "walker_run",
-                                          "walker_stand",
-                                          "walker_walk"};
   std::printf("median ms of a decision, planning_precision=bfloat16\n%-24s %9s %3s %3s", "task",
               "interval", "O", "A");
   for (const char* planner : planners) std::printf(" %11s", planner);
   std::printf("\n");
   for (const ComponentDescriptor& task : LoadPlugin("env_dmc").components) {
     const auto same = [&](const char* name) { return std::strcmp(name, task.name) == 0; };
-    if (std::none_of(tasks.begin(), tasks.end(), same)) continue;
+    if (std::none_of(std::begin(kTwentyTasks), std::end(kTwentyTasks), same)) continue;
     const std::vector<ParameterValue> values = Resolve(task, {});
     EnvironmentContext context;
     context.parameters = {{values.data(), values.size()}};

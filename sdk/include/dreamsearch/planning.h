@@ -204,17 +204,40 @@ void ReportPolicy(Each each, PlanResult* result) noexcept {
   for (double& weight : result->policy_weights) weight /= sum;
 }
 
-// kNotFinite unless every value is finite; `what` names them.
+// kNotFinite unless every value is finite; `what` names one of them.
 inline Status CheckFinite(const char* what, View<const double> values) noexcept {
   for (std::uint64_t i = 0; i < values.size; ++i) {
     if (!std::isfinite(values[i])) {
-      return Error(StatusCode::kNotFinite, "the model returned %s %g (row %llu of %llu)", what,
-                   values[i], static_cast<unsigned long long>(i),
-                   static_cast<unsigned long long>(values.size));
+      return Error(StatusCode::kNotFinite, "the model's %s %llu of %llu is not finite: %g", what,
+                   static_cast<unsigned long long>(i + 1),
+                   static_cast<unsigned long long>(values.size), values[i]);
     }
   }
   return OkStatus();
 }
+
+// A planner that carries nothing from one decision to the next: a class of it writes Plan, which
+// begins with CheckPlan(sizes_, model_, request, result).
+class MemorylessPlanner : public Planner {
+ public:
+  Status BeginEpisode(LatentModel* model) noexcept final {
+    if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
+    model_ = model;
+    return OkStatus();
+  }
+  Status Save(ByteSink*) const noexcept final { return OkStatus(); }
+  Status Load(ByteSource*) noexcept final { return OkStatus(); }
+  void Destroy() noexcept final { delete this; }
+
+ protected:
+  // `metrics` counts the component's MetricSpecs.
+  MemorylessPlanner(const PlannerContext& context, std::uint64_t metrics)
+      : sizes_{context.action_size, context.latent_bytes, metrics} {}
+  virtual ~MemorylessPlanner() = default;
+
+  const PlannerSizes sizes_;
+  LatentModel* model_ = nullptr;  // from the first BeginEpisode on
+};
 
 // A PlannerFactory for a class with a constructor from PlannerContext that throws
 // std::invalid_argument for settings that do not go together.

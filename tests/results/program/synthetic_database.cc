@@ -17,37 +17,18 @@
 #include "results/database/database.h"
 #include "results/database/run_writer.h"
 #include "results/system/error.h"
+#include "tests/twenty_tasks.h"
 
 namespace dreamsearch::results {
 namespace {
 
-constexpr const char* kTasks[] = {"acrobot_swingup",
-                                  "cartpole_balance",
-                                  "cartpole_balance_sparse",
-                                  "cartpole_swingup",
-                                  "cartpole_swingup_sparse",
-                                  "cheetah_run",
-                                  "cup_catch",
-                                  "finger_spin",
-                                  "finger_turn_easy",
-                                  "finger_turn_hard",
-                                  "hopper_hop",
-                                  "hopper_stand",
-                                  "pendulum_swingup",
-                                  "quadruped_run",
-                                  "quadruped_walk",
-                                  "reacher_easy",
-                                  "reacher_hard",
-                                  "walker_run",
-                                  "walker_stand",
-                                  "walker_walk"};
 constexpr const char* kPlanners[] = {"dreamer", "rollout", "mcts_pw", "mcts_fixed"};
 
 void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps, bool decisions) {
   NewRun run;
   run.study_id = db->Study("default");
-  run.task_id = db->Task({.name = kTasks[task],
-                          .domain = std::string(kTasks[task]).substr(0, 6),
+  run.task_id = db->Task({.name = kTwentyTasks[task],
+                          .domain = std::string(kTwentyTasks[task]).substr(0, 6),
                           .observation_size = 24,
                           .action_size = 6,
                           .control_seconds = 0.02,
