@@ -8,8 +8,9 @@
 //
 // The value it reports is the mean return of the last elites, the improved policy their first
 // actions in equal parts.
-#include <string>
+#include <limits>
 
+#include "gaussian_plan.h"
 #include "shooting_planner.h"
 
 namespace dreamsearch {
@@ -33,6 +34,8 @@ constexpr auto kSettings = BindSettings<CemSettings>(
                       "Standard deviation of the first candidates (Hafner et al. 2019).")),
     kBootstrapParameter, kPlayedNoiseParameter, kValueBonusParameter, kValueInEvaluationParameter);
 
+constexpr double kAnyStd = std::numeric_limits<double>::infinity();
+
 enum Stream : std::uint64_t { kIteration = 1, kNoise = 2 };
 
 class Cem final : public ShootingPlanner {
@@ -43,24 +46,23 @@ class Cem final : public ShootingPlanner {
   Cem(const PlannerContext& context, const CemSettings& settings)
       : ShootingPlanner(context, settings),
         settings_(settings),
-        mean_(settings.horizon * context.action_size),
-        std_(settings.horizon * context.action_size) {
+        gaussian_(settings.horizon, context.action_size) {
     AtMostCandidates(settings, "elites", settings.elites);
   }
 
   Status Search(const PlanRequest& request, View<double> played,
                 ShootingPlan* plan) noexcept override {
-    std::fill(mean_.begin(), mean_.end(), 0.0);
-    std::fill(std_.begin(), std_.end(), settings_.initial_std);
+    gaussian_.SetMean(0);
+    gaussian_.SetStd(settings_.initial_std);
     for (std::uint64_t k = 0; k < settings_.iterations; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
-      Draw(DeriveSeed(seed, 0));
+      gaussian_.Draw(&trajectories_, 0, DeriveSeed(seed, 0));
       Status status =
           trajectories_.Imagine(model_, request, settings_.bootstrap, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
-      Refit();
+      gaussian_.Refit(&trajectories_, trajectories_.Best(settings_.elites), {}, 0, 0, kAnyStd);
     }
-    std::copy_n(mean_.data(), played.size, played.data);
+    std::copy_n(gaussian_.mean().data, played.size, played.data);
     if (request.explore) {
       AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
                           {played.data, 1, played.size});
@@ -69,49 +71,13 @@ class Cem final : public ShootingPlanner {
     for (const std::uint32_t i : plan->policy) {
       plan->value += trajectories_.returns()[i] / static_cast<double>(settings_.elites);
     }
-    for (std::uint64_t j = 0; j < played.size; ++j) {
-      plan->std += std_[j] / static_cast<double>(played.size);
-    }
-    plan->iterations = settings_.iterations;
+    plan->std = gaussian_.MeanFirstStd();
+    plan->sequences = settings_.iterations * settings_.candidates;
     return OkStatus();
   }
 
-  void Draw(std::uint64_t seed) noexcept {
-    Random random(seed);
-    const std::uint64_t size = sizes_.action_size;
-    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
-      const MatrixView<double> actions = trajectories_.actions(t);
-      for (std::uint64_t i = 0; i < actions.rows; ++i) {
-        for (std::uint64_t j = 0; j < size; ++j) {
-          actions(i, j) =
-              std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(), -1.0, 1.0);
-        }
-      }
-    }
-  }
-
-  void Refit() noexcept {
-    const View<const std::uint32_t> elites = trajectories_.Best(settings_.elites);
-    const double count = static_cast<double>(settings_.elites);
-    const std::uint64_t size = sizes_.action_size;
-    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
-      const MatrixView<double> actions = trajectories_.actions(t);
-      for (std::uint64_t j = 0; j < size; ++j) {
-        double mean = 0, variance = 0;
-        for (const std::uint32_t i : elites) mean += actions(i, j) / count;
-        for (const std::uint32_t i : elites) {
-          variance += (actions(i, j) - mean) * (actions(i, j) - mean) / count;
-        }
-        // A mean of ones may round to more than one.
-        mean_[t * size + j] = std::clamp(mean, -1.0, 1.0);
-        std_[t * size + j] = std::sqrt(variance);
-      }
-    }
-  }
-
   const CemSettings settings_;
-  std::vector<double> mean_;  // [H, A]
-  std::vector<double> std_;   // [H, A]
+  GaussianPlan gaussian_;
 };
 
 }  // namespace

@@ -15,6 +15,7 @@
 // first actions with these weights.
 #include <string>
 
+#include "gaussian_plan.h"
 #include "shooting_planner.h"
 
 namespace dreamsearch {
@@ -70,10 +71,10 @@ class Mppi final : public ShootingPlanner {
 
   // The mean of the last plan.
   Status Save(ByteSink* sink) const noexcept override {
-    return sink->Write(mean_.data(), mean_.size() * sizeof(double));
+    return sink->Write(gaussian_.mean().data, gaussian_.mean().size * sizeof(double));
   }
   Status Load(ByteSource* source) noexcept override {
-    Status status = source->Read(mean_.data(), mean_.size() * sizeof(double));
+    Status status = source->Read(gaussian_.mean().data, gaussian_.mean().size * sizeof(double));
     if (!status.ok()) ForgetPlan();
     return status;
   }
@@ -82,8 +83,7 @@ class Mppi final : public ShootingPlanner {
   Mppi(const PlannerContext& context, const MppiSettings& settings)
       : ShootingPlanner(context, settings),
         settings_(settings),
-        mean_(settings.horizon * context.action_size),
-        std_(settings.horizon * context.action_size),
+        gaussian_(settings.horizon, context.action_size),
         weights_(settings.elites) {
     AtMostCandidates(settings, "elites", settings.elites);
     AtMostCandidates(settings, "actor_candidates", settings.actor_candidates);
@@ -94,18 +94,16 @@ class Mppi final : public ShootingPlanner {
     }
   }
 
-  void ForgetPlan() noexcept override { std::fill(mean_.begin(), mean_.end(), 0.0); }
+  void ForgetPlan() noexcept override { gaussian_.SetMean(0); }
 
   Status Search(const PlanRequest& request, View<double> played,
                 ShootingPlan* plan) noexcept override {
     if (settings_.warm_start) {
-      std::copy(mean_.begin() + static_cast<std::ptrdiff_t>(played.size), mean_.end(),
-                mean_.begin());
-      std::fill(mean_.end() - static_cast<std::ptrdiff_t>(played.size), mean_.end(), 0.0);
+      gaussian_.ShiftMean();
     } else {
       ForgetPlan();
     }
-    std::fill(std_.begin(), std_.end(), settings_.max_std);
+    gaussian_.SetStd(settings_.max_std);
     Status status;
     if (settings_.actor_candidates > 0) {
       status = trajectories_.FollowActor(model_, request.root, settings_.actor_candidates,
@@ -114,7 +112,7 @@ class Mppi final : public ShootingPlanner {
     }
     for (std::uint64_t k = 0; k < settings_.iterations; ++k) {
       const std::uint64_t seed = DeriveSeed(DeriveSeed(request.seed, kIteration), k);
-      Draw(DeriveSeed(seed, 0));
+      gaussian_.Draw(&trajectories_, settings_.actor_candidates, DeriveSeed(seed, 0));
       status = trajectories_.Imagine(model_, request, settings_.bootstrap, DeriveSeed(seed, 1));
       if (!status.ok()) return status;
       Refit();
@@ -122,7 +120,7 @@ class Mppi final : public ShootingPlanner {
 
     const View<const std::uint32_t> elites = trajectories_.Best(settings_.elites);
     if (settings_.play_mean) {
-      std::copy_n(mean_.data(), played.size, played.data);
+      std::copy_n(gaussian_.mean().data, played.size, played.data);
     } else {
       const std::uint32_t elite = elites[DrawElite(DeriveSeed(request.seed, kElite))];
       std::copy_n(trajectories_.actions(0).row(elite).data, played.size, played.data);
@@ -130,34 +128,17 @@ class Mppi final : public ShootingPlanner {
     for (std::uint64_t i = 0; i < settings_.elites; ++i) {
       plan->value += weights_[i] * trajectories_.returns()[elites[i]];
     }
-    for (std::uint64_t j = 0; j < played.size; ++j) {
-      plan->std += std_[j] / static_cast<double>(played.size);
-    }
-    plan->iterations = settings_.iterations;
+    plan->std = gaussian_.MeanFirstStd();
+    plan->sequences = settings_.iterations * settings_.candidates;
     plan->policy = elites;
     plan->weights = {weights_.data(), weights_.size()};
     if (request.explore) {
       Random random(DeriveSeed(request.seed, kNoise));
       for (std::uint64_t j = 0; j < played.size; ++j) {
-        played[j] = std::clamp(played[j] + std_[j] * random.Normal(), -1.0, 1.0);
+        played[j] = std::clamp(played[j] + gaussian_.first_std(j) * random.Normal(), -1.0, 1.0);
       }
     }
     return OkStatus();
-  }
-
-  // All candidates but those of the actor.
-  void Draw(std::uint64_t seed) noexcept {
-    Random random(seed);
-    const std::uint64_t size = sizes_.action_size;
-    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
-      const MatrixView<double> actions = trajectories_.actions(t);
-      for (std::uint64_t i = settings_.actor_candidates; i < actions.rows; ++i) {
-        for (std::uint64_t j = 0; j < size; ++j) {
-          actions(i, j) =
-              std::clamp(mean_[t * size + j] + std_[t * size + j] * random.Normal(), -1.0, 1.0);
-        }
-      }
-    }
   }
 
   void Refit() noexcept {
@@ -169,22 +150,8 @@ class Mppi final : public ShootingPlanner {
       sum += weights_[i];
     }
     for (double& weight : weights_) weight /= sum;
-    const std::uint64_t size = sizes_.action_size;
-    for (std::uint64_t t = 0; t < trajectories_.horizon(); ++t) {
-      const MatrixView<double> actions = trajectories_.actions(t);
-      for (std::uint64_t j = 0; j < size; ++j) {
-        double mean = 0, variance = 0;
-        for (std::uint64_t i = 0; i < settings_.elites; ++i)
-          mean += weights_[i] * actions(elites[i], j);
-        for (std::uint64_t i = 0; i < settings_.elites; ++i) {
-          const double offset = actions(elites[i], j) - mean;
-          variance += weights_[i] * offset * offset;
-        }
-        // A mean of ones may round to more than one.
-        mean_[t * size + j] = std::clamp(mean, -1.0, 1.0);
-        std_[t * size + j] = std::clamp(std::sqrt(variance), settings_.min_std, settings_.max_std);
-      }
-    }
+    gaussian_.Refit(&trajectories_, elites, {weights_.data(), weights_.size()}, 0,
+                    settings_.min_std, settings_.max_std);
   }
 
   // An index into the elites, by weight.
@@ -198,8 +165,7 @@ class Mppi final : public ShootingPlanner {
   }
 
   const MppiSettings settings_;
-  std::vector<double> mean_;     // [H, A]
-  std::vector<double> std_;      // [H, A]
+  GaussianPlan gaussian_;
   std::vector<double> weights_;  // [elites], of the last refit, sum 1
 };
 

@@ -4,7 +4,7 @@
 namespace dreamsearch {
 namespace {
 
-const ComponentDescriptor kComponents[] = {kRandomShooting, kCem, kMppi};
+const ComponentDescriptor kComponents[] = {kRandomShooting, kCem, kIcem, kMppi};
 
 }  // namespace
 }  // namespace dreamsearch

@@ -45,6 +45,7 @@ class RandomShooting final : public ShootingPlanner {
                           {played.data, 1, played.size});
     }
     plan->value = trajectories_.returns()[best];
+    plan->sequences = settings_.candidates;
     plan->std = 1 / std::sqrt(3.0);  // of a uniform draw from [-1, 1]
     return OkStatus();
   }

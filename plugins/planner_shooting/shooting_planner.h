@@ -42,9 +42,9 @@ inline void AtMostCandidates(const ShootingSettings& settings, const char* name,
 
 // A plan: what a derived class found.
 struct ShootingPlan {
-  double value = 0;              // the planner's estimate of the root's value
-  double std = 0;                // of the first action
-  std::uint64_t iterations = 1;  // times all sequences were imagined
+  double value = 0;             // the planner's estimate of the root's value
+  double std = 0;               // of the first action
+  std::uint64_t sequences = 0;  // imagined in all
   // The improved policy: sequences whose first actions it plays, and their weights; empty: equal
   // ones. Both stay until the next search.
   View<const std::uint32_t> policy;
@@ -76,9 +76,8 @@ class ShootingPlanner : public Planner {
     result->metrics[kReturnSpread] = trajectories_.ReturnSpread();
     result->metrics[kPlanStd] = plan.std;
     result->value = plan.value;
-    const std::uint64_t sequences = plan.iterations * trajectories_.count();
-    result->simulations = static_cast<std::uint32_t>(sequences);
-    result->nodes = static_cast<std::uint32_t>(sequences * trajectories_.horizon() + 1);
+    result->simulations = static_cast<std::uint32_t>(plan.sequences);
+    result->nodes = static_cast<std::uint32_t>(plan.sequences * trajectories_.horizon() + 1);
     result->depth = static_cast<std::uint32_t>(trajectories_.horizon());
     if (request.tree != nullptr) trajectories_.Report(request.tree);
     ReportPolicy(
@@ -124,6 +123,7 @@ class ShootingPlanner : public Planner {
 // The components of planner_shooting.so.
 extern const ComponentDescriptor kRandomShooting;
 extern const ComponentDescriptor kCem;
+extern const ComponentDescriptor kIcem;
 extern const ComponentDescriptor kMppi;
 
 }  // namespace dreamsearch

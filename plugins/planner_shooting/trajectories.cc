@@ -81,9 +81,10 @@ Status Trajectories::Imagine(LatentModel* model, const PlanRequest& request, boo
 }
 
 View<const std::uint32_t> Trajectories::Best(std::uint64_t count) noexcept {
-  std::iota(order_.begin(), order_.end(), 0u);
-  std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(count),
-                    order_.end(), [this](std::uint32_t a, std::uint32_t b) {
+  const auto end = order_.begin() + static_cast<std::ptrdiff_t>(count_);
+  std::iota(order_.begin(), end, 0u);
+  std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(count), end,
+                    [this](std::uint32_t a, std::uint32_t b) {
                       return returns_[a] > returns_[b] || (returns_[a] == returns_[b] && a < b);
                     });
   return {order_.data(), count};

@@ -26,6 +26,9 @@ class Trajectories {
   // Throws std::bad_alloc, std::length_error.
   Trajectories(const PlannerContext& context, const ShootingSettings& settings);
 
+  // Sequences from now on, at most the settings' candidates. Their actions are undefined.
+  void SetCount(std::uint64_t count) noexcept { count_ = count; }
+
   std::uint64_t count() const noexcept { return count_; }      // N
   std::uint64_t horizon() const noexcept { return horizon_; }  // H
 
@@ -62,7 +65,7 @@ class Trajectories {
     return {seeds_.data(), rows};
   }
 
-  const std::uint64_t count_;
+  std::uint64_t count_;
   const std::uint64_t horizon_;
   const std::uint64_t action_size_;
   LatentBuffer latents_[2];           // [N], transitions go from one to the other

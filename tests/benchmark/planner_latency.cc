@@ -231,6 +231,7 @@ void Run(const std::vector<std::string>& only, int decisions) {
       {"mppi", "mppi", {}},
       {"random_shooting", "random_shooting", {}},
       {"cem", "cem", {}},
+      {"icem", "icem", {}},
   };
   for (const std::string& name : only) {
     if (std::none_of(rows.begin(), rows.end(), [&](const Row& r) { return r.planner == name; })) {

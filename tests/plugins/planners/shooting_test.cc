@@ -3,13 +3,14 @@
 
 #include <algorithm>
 
+#include "plugins/planner_shooting/coloured_noise.h"
 #include "tests/plugins/planners/loaded_planner.h"
 #include "tests/plugins/planners/scripted_model.h"
 
 namespace dreamsearch {
 namespace {
 
-constexpr const char* kShooters[] = {"random_shooting", "cem", "mppi"};
+constexpr const char* kShooters[] = {"random_shooting", "cem", "icem", "mppi"};
 
 // As Counter, but every state is worth 1000.
 ScriptedModel FlatCounter(double discount) {
@@ -45,6 +46,12 @@ TEST(Shooting, AllSequencesAdvanceAsOneBatch) {
   EXPECT_EQ(cem.Plan(AsLatents(kRoot)).result.simulations, 10000u);
   EXPECT_EQ(model.imagine_calls, 120u);
   EXPECT_EQ(model.transitions, 120000u);
+  LoadedPlanner icem("icem", &model);
+  model.imagine_calls = model.transitions = 0;
+  // 128, then 1.25 and 1.25^2 times fewer.
+  EXPECT_EQ(icem.Plan(AsLatents(kRoot)).result.simulations, 128u + 102 + 81);
+  EXPECT_EQ(model.imagine_calls, 36u);
+  EXPECT_EQ(model.transitions, 12u * (128 + 102 + 81));
   LoadedPlanner mppi("mppi", &model);
   model.imagine_calls = model.transitions = 0;
   EXPECT_EQ(mppi.Plan(AsLatents(kRoot)).result.simulations, 6 * 512u);
@@ -116,7 +123,7 @@ TEST(Shooting, ThePolicyHasTheMeanThatIsPlayed) {
 }
 
 TEST(Shooting, BestSingleActionsAreTheirWholePolicy) {
-  for (const char* name : {"random_shooting", "rollout"}) {
+  for (const char* name : {"random_shooting", "icem", "rollout"}) {
     ScriptedModel model = LinearQuadratic::Model();
     LoadedPlanner planner(name, &model);
     const Decision decision = planner.Plan(AsLatents(kRoot), {.policy = 3});
@@ -241,6 +248,65 @@ TEST(Mppi, NoiseOnlyWhenExploringAndAsWideAsThePlan) {
   EXPECT_NEAR(std::sqrt(squares), 0.2, 5 * 0.2 / std::sqrt(2.0 * kDecisions));
 }
 
+// Where all sequences are elites and all are kept, later refits see the first one's again.
+TEST(Icem, KeptElitesCompeteAgain) {
+  ScriptedModel model = Bandit([](double a) { return std::cos(20 * a) - a * a; }, 0.9);
+  const auto value = [&](int iterations, double keep) {
+    LoadedPlanner icem(
+        "icem", &model,
+        {{"candidates", 4}, {"elites", 4}, {"keep_elites", keep}, {"iterations", iterations}});
+    return icem.Plan(AsLatents(kRoot), {.seed = 3}).result.value;
+  };
+  EXPECT_EQ(value(2, 1.0), value(3, 1.0));
+  EXPECT_EQ(value(2, 1.0), value(6, 1.0));
+  EXPECT_NE(value(2, 0.0), value(3, 0.0));
+}
+
+// The best sequence of the first decision, shifted, is among those of the second: it loses its
+// first action, at most 1, and gains one of at least -1.
+TEST(Icem, KeepsShiftedElitesForTheNextDecision) {
+  ScriptedModel model = Bandit([](double a) { return a; }, 1);
+  LoadedPlanner icem("icem", &model,
+                     {{"candidates", 64}, {"horizon", 6}, {"iterations", 6}, {"beta", 0.0}});
+  const Decision first = icem.Plan(AsLatents(kRoot), {.seed = 1});
+  LoadedPlanner fresh("icem", &model,
+                      {{"candidates", 64}, {"horizon", 6}, {"iterations", 1}, {"beta", 0.0}});
+  LoadedPlanner warm("icem", &model,
+                     {{"candidates", 64}, {"horizon", 6}, {"iterations", 1}, {"beta", 0.0}});
+  ASSERT_TRUE(warm.Plan(AsLatents(kRoot), {.seed = 1}).status.ok());
+  EXPECT_GT(warm.Plan(AsLatents(kRoot), {.seed = 2}).result.value,
+            fresh.Plan(AsLatents(kRoot), {.seed = 2}).result.value);
+  EXPECT_GT(icem.Plan(AsLatents(kRoot), {.seed = 2}).result.value, first.result.value - 2);
+}
+
+// From the covariance of the values that the noise's factors give.
+TEST(ColouredNoise, HasVarianceOneAndFallsWithFrequencyAsDeclared) {
+  for (const std::uint64_t horizon : {1, 2, 5, 12, 30}) {
+    for (const double beta : {0.0, 1.0, 2.5}) {
+      const ColouredNoise noise(horizon, beta);
+      const auto covariance = [&](std::uint64_t t, std::uint64_t u) {
+        double sum = 0;
+        for (std::uint64_t i = 0; i < horizon; ++i) sum += noise.factor(t, i) * noise.factor(u, i);
+        return sum;
+      };
+      std::vector<double> power(horizon / 2 + 1);
+      for (std::uint64_t t = 0; t < horizon; ++t) {
+        EXPECT_NEAR(covariance(t, t), 1, 1e-12);
+        if (t > 0 && beta == 0) {
+          EXPECT_NEAR(covariance(0, t), 0, 1e-12);
+        }
+        for (std::uint64_t k = 0; k < power.size(); ++k) {
+          power[k] += covariance(0, t) * std::cos(2 * M_PI * static_cast<double>(k * t) /
+                                                  static_cast<double>(horizon));
+        }
+      }
+      for (std::uint64_t k = 2; k < power.size(); ++k) {
+        EXPECT_NEAR(power[k] / power[1], std::pow(static_cast<double>(k), -beta), 1e-9);
+      }
+    }
+  }
+}
+
 // Elites that are all at the bound, in numbers whose weights add up to more than one.
 TEST(Shooting, MeansStayInsideTheBounds) {
   ScriptedModel model;
@@ -268,6 +334,8 @@ TEST(Shooting, MeansStayInsideTheBounds) {
 TEST(Shooting, RefusesSettingsThatDoNotGoTogether) {
   ScriptedModel model = FlatCounter(1);
   EXPECT_THROW(LoadedPlanner("cem", &model, {{"candidates", 10}, {"elites", 11}}),
+               std::runtime_error);
+  EXPECT_THROW(LoadedPlanner("icem", &model, {{"candidates", 10}, {"elites", 11}}),
                std::runtime_error);
   EXPECT_THROW(LoadedPlanner("mppi", &model, {{"candidates", 70}, {"actor_candidates", 71}}),
                std::runtime_error);
