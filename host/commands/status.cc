@@ -110,7 +110,7 @@ int ShowStatus::Run() {
     // A run that says it is running but that nobody holds lost its process.
     if (run.status == results::RunStatus::kRunning && !held) state = "stale";
     std::string note;
-    if (held) note = "seen " + FormatDuration(run.heartbeat_age_seconds) + " ago";
+    if (held) note = "seen " + FormatDuration(std::max(0.0, run.heartbeat_age_seconds)) + " ago";
     if (!run.error.empty()) note += (note.empty() ? "" : "  ") + run.error;
     table.rows.push_back(
         {run.run_id, Label(run, models_differ), state,

@@ -1,7 +1,6 @@
 #include "results/database/database.h"
 
 #include <sqlite3.h>
-#include <sys/statfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include <set>
 #include <thread>
 
+#include "results/database/file_system.h"
 #include "results/database/schema.h"
 #include "results/system/file.h"
 #include "results/text/shell.h"
@@ -23,30 +23,6 @@ namespace {
 
 // More in a row are a loop, as for the kernel.
 constexpr int kMaxLinks = 40;
-
-// File systems on which the shared memory of WAL does not work between machines.
-bool IsNetworkFileSystem(const std::string& path) {
-  struct statfs info;
-  if (statfs(path.c_str(), &info) != 0) return false;
-  switch (static_cast<std::uint32_t>(info.f_type)) {
-    case 0x6969:      // NFS
-    case 0x517b:      // SMB
-    case 0xff534d42:  // CIFS
-    case 0xfe534d42:  // SMB 2
-    case 0x5346414f:  // AFS
-    case 0x73757245:  // Coda
-    case 0x0bd00bd0:  // Lustre
-    case 0x47504653:  // GPFS
-    case 0x19830326:  // BeeGFS
-    case 0x00c36400:  // Ceph
-    case 0x01021997:  // 9P
-    case 0x01161970:  // GFS2
-    case 0x7461636f:  // OCFS2
-      return true;
-    default:
-      return false;
-  }
-}
 
 void CreateFolders(const std::string& path) {
   std::error_code error;
@@ -191,6 +167,7 @@ Database::Database(const std::string& path, OpenMode mode) {
     }
   }
   connection_ = std::make_unique<Connection>(absolute, opened);
+  LeaveWriteAhead(mode, opened);
   if (opened == OpenMode::kReadWrite && mode == OpenMode::kReadOnly &&
       connection_->QueryInt("PRAGMA user_version") < SchemaVersion() &&
       (connection_->QueryInt("PRAGMA application_id") == kApplicationId || SchemaOfTables())) {
@@ -198,6 +175,31 @@ Database::Database(const std::string& path, OpenMode mode) {
   }
   if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
   Prepare(mode);
+}
+
+// Of a file with a write-ahead log, as one copied from a disk has, where such a log is not safe:
+// without the memory that processes would share. Who only reads changes nothing if no log is there.
+void Database::LeaveWriteAhead(OpenMode mode, OpenMode opened) {
+  if (opened == OpenMode::kImmutable || FileSystemOf(path()).write_ahead_is_safe ||
+      !connection_->IsWriteAhead()) {
+    return;
+  }
+  const bool log = access((path() + "-wal").c_str(), F_OK) == 0;
+  if (opened == OpenMode::kReadOnly || (mode == OpenMode::kReadOnly && !log)) {
+    if (log) {
+      throw Failure(ExitCode::kPermission,
+                    path() + ": has a write-ahead log on " + FileSystemOf(path()).name +
+                        ", where only a user who may write it can take it in. Read a copy.");
+    }
+    auto unchanged = std::make_unique<Connection>(path(), OpenMode::kImmutable);
+    if (unchanged->QueryInt("PRAGMA user_version") >= SchemaVersion()) {
+      connection_ = std::move(unchanged);
+      return;
+    }
+  }
+  connection_->Execute("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = DELETE");
+  // The lock goes with the next read.
+  connection_->Execute("PRAGMA locking_mode = NORMAL; SELECT count(*) FROM sqlite_schema");
 }
 
 void Database::Prepare(OpenMode mode) {
@@ -251,12 +253,13 @@ void Database::Prepare(OpenMode mode) {
     db.Transact([this] { Migrate(); });
   }
 
-  const bool network = IsNetworkFileSystem(path());
-  const std::string journal = network ? "delete" : "wal";
-  if (network) {
-    warnings_.push_back(path() +
-                        ": is on a network file system; it is written with a rollback journal, "
-                        "which is slower. Prefer a local file a machine, and `results merge`.");
+  const FileSystem file_system = FileSystemOf(path());
+  const std::string journal = file_system.write_ahead_is_safe ? "wal" : "delete";
+  if (!file_system.write_ahead_is_safe) {
+    warnings_.push_back(path() + ": is on " + file_system.name +
+                        ", where SQLite's write-ahead log is not safe; it is written with a "
+                        "rollback journal, which is slower. `runner --scratch DIR` keeps it in a "
+                        "folder of this machine while runs are active.");
   }
   // Changing the mode needs the file for itself for a moment, and SQLite does not
   // wait for that by itself when several processes open a new file at once.

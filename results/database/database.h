@@ -205,8 +205,8 @@ struct RunFilter {
 
 class Database {
  public:
-  // Opens the file, or makes it and its folders. On a network file system, where WAL does not work,
-  // it uses a rollback journal and says so in warnings().
+  // Opens the file, or makes it and its folders. Where a write-ahead log is not safe
+  // (file_system.h) it uses a rollback journal and says so in warnings().
   static std::unique_ptr<Database> OpenOrCreate(const std::string& path);
   // Opens an existing file for changes; Failure 66 when there is none.
   static std::unique_ptr<Database> OpenExisting(const std::string& path);
@@ -286,6 +286,7 @@ class Database {
  private:
   Database(const std::string& path, OpenMode mode);
   std::string NewRunFolder(const std::string& uuid) const;
+  void LeaveWriteAhead(OpenMode mode, OpenMode opened);
   void Prepare(OpenMode mode);
   std::optional<std::int64_t> SchemaOfTables();
   void Mark(std::int64_t schema, OpenMode mode);

@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <thread>
 
+#include "results/database/file_system.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/text/shell.h"
@@ -20,6 +22,9 @@ namespace dreamsearch::results {
 namespace {
 
 constexpr double kLockPatienceSeconds = 30;
+
+// A lock that is held so long may be one that does not exist.
+constexpr double kLockDoubtSeconds = 0.1;
 
 // Bytes an ordinary user can still write beside `path`, for messages.
 std::string FreeSpace(const std::string& path) {
@@ -46,8 +51,35 @@ bool IsUnchangeable(const std::string& path) {
   return access(folder.c_str(), W_OK) != 0 && access((path + "-wal").c_str(), F_OK) != 0;
 }
 
-[[noreturn]] void ThrowCode(int code, const std::string& reason, const std::string& path,
-                            const std::string& what) {
+// After a lock that was not to be had: throws if there are none.
+void CheckLocksExist(const std::string& path, const std::string& where) {
+  const std::string why = WhyNoLocks(path);
+  if (why.empty()) return;
+  throw Failure(ExitCode::kInputOutput,
+                where + "files cannot be locked here (" + why +
+                    "), so nothing keeps two processes from writing at once. Name a database on "
+                    "another file system, or give `runner` a folder of this machine with "
+                    "--scratch.");
+}
+
+// errno of the call that failed last on the database's files; 0 if none did.
+int SystemError(sqlite3* handle) {
+  for (const int which : {SQLITE_FCNTL_JOURNAL_POINTER, SQLITE_FCNTL_FILE_POINTER}) {
+    sqlite3_file* file = nullptr;
+    sqlite3_file_control(handle, "main", which, &file);
+    int error = 0;
+    if (file != nullptr && file->pMethods != nullptr &&
+        file->pMethods->xFileControl(file, SQLITE_FCNTL_LAST_ERRNO, &error) == SQLITE_OK &&
+        error != 0) {
+      return error;
+    }
+  }
+  return 0;
+}
+
+// `system_error` is errno of the call that failed, as far as SQLite knows.
+[[noreturn]] void ThrowCode(int code, const std::string& reason, int system_error,
+                            const std::string& path, const std::string& what) {
   const std::string where = path + ": " + what + ": ";
   switch (code & 0xff) {
     case SQLITE_NOTADB:
@@ -63,11 +95,18 @@ bool IsUnchangeable(const std::string& path) {
       throw Failure(ExitCode::kInputOutput, where + "the disk is full (" + FreeSpace(path) +
                                                 "). Make room and run the same command again.");
     case SQLITE_IOERR:
+      if (system_error == EDQUOT) {
+        throw Failure(ExitCode::kInputOutput, where +
+                                                  "the quota of this user or project is used up. "
+                                                  "Make room and run the same command again.");
+      }
+      if (code == SQLITE_IOERR_LOCK || code == SQLITE_IOERR_RDLOCK) CheckLocksExist(path, where);
       throw Failure(ExitCode::kInputOutput,
                     where + "input/output error (" + reason + "; " + FreeSpace(path) +
                         "). Check the disk and run the same command again.");
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
+      CheckLocksExist(path, where);
       throw Failure(ExitCode::kInputOutput,
                     where +
                         "another process kept the database locked for too long. End that process "
@@ -96,11 +135,16 @@ bool IsUnchangeable(const std::string& path) {
 }  // namespace
 
 std::string ReadOnlyUri(const std::string& path) {
-  return FileUri(path) + (IsUnchangeable(path) ? "?immutable=1" : "?mode=ro");
+  const bool no_log = access((path + "-wal").c_str(), F_OK) != 0;
+  const bool immutable =
+      IsUnchangeable(path) || (no_log && !FileSystemOf(path).write_ahead_is_safe &&
+                               Connection(path, OpenMode::kImmutable).IsWriteAhead());
+  return FileUri(path) + (immutable ? "?immutable=1" : "?mode=ro");
 }
 
 void ThrowSqlite(sqlite3* handle, const std::string& path, const std::string& what) {
-  ThrowCode(sqlite3_extended_errcode(handle), sqlite3_errmsg(handle), path, what);
+  ThrowCode(sqlite3_extended_errcode(handle), sqlite3_errmsg(handle), SystemError(handle), path,
+            what);
 }
 
 Statement::~Statement() { sqlite3_finalize(statement_); }
@@ -117,8 +161,10 @@ bool Statement::Step() {
   sqlite3* handle = sqlite3_db_handle(statement_);
   const int extended = sqlite3_extended_errcode(handle);
   const std::string reason = sqlite3_errmsg(handle);
+  const int system_error = SystemError(handle);
   sqlite3_reset(statement_);
-  ThrowCode(extended, reason, *path_, sqlite3_stmt_readonly(statement_) ? "reading" : "writing");
+  ThrowCode(extended, reason, system_error, *path_,
+            sqlite3_stmt_readonly(statement_) ? "reading" : "writing");
 }
 
 void Statement::Run() {
@@ -191,8 +237,9 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   const int code = sqlite3_open_v2(name.c_str(), &handle_, flags, nullptr);
   if (code != SQLITE_OK) {
     const std::string reason = handle_ != nullptr ? sqlite3_errmsg(handle_) : "out of memory";
+    const int system_error = handle_ != nullptr ? SystemError(handle_) : 0;
     sqlite3_close_v2(handle_);
-    ThrowCode(code, reason, path_, "opening");
+    ThrowCode(code, reason, system_error, path_, "opening");
   }
   WaitForLocks([](double seconds) { return seconds < kLockPatienceSeconds; });
   sqlite3_busy_handler(handle_, OnLocked, this);
@@ -205,11 +252,27 @@ void Connection::WaitForLocks(LockWaiter waiter) { lock_waiter_ = std::move(wait
 int Connection::OnLocked(void* connection, int count) {
   auto* self = static_cast<Connection*>(connection);
   const auto now = std::chrono::steady_clock::now();
-  if (count == 0) self->locked_since_ = now;
+  if (count == 0) {
+    self->locked_since_ = now;
+    self->locks_exist_ = false;
+  }
   const std::chrono::duration<double> waited = now - self->locked_since_;
+  if (!self->locks_exist_ && waited.count() > kLockDoubtSeconds) {
+    if (!WhyNoLocks(self->path_).empty()) return 0;
+    self->locks_exist_ = true;
+  }
   if (!self->lock_waiter_(waited.count())) return 0;
   std::this_thread::sleep_for(std::chrono::milliseconds(std::min(1 + 2 * count, 50)));
   return 1;
+}
+
+bool Connection::IsWriteAhead() const {
+  sqlite3_file* file = nullptr;
+  constexpr sqlite3_int64 kWriteVersion = 18;  // of the file format; 2: write-ahead log
+  unsigned char version = 0;
+  return sqlite3_file_control(handle_, "main", SQLITE_FCNTL_FILE_POINTER, &file) == SQLITE_OK &&
+         file != nullptr && file->pMethods != nullptr &&
+         file->pMethods->xRead(file, &version, 1, kWriteVersion) == SQLITE_OK && version == 2;
 }
 
 Statement Connection::Prepare(std::string_view sql) {
@@ -247,17 +310,20 @@ void Connection::Transact(const std::function<void()>& body) {
     return;
   }
   int moved = 0;
-  sqlite3_file_control(handle_, "main", SQLITE_FCNTL_HAS_MOVED, &moved);
   const bool wal_there = access((path_ + "-wal").c_str(), F_OK) == 0;
-  if (moved != 0 || (wal_seen_ && !wal_there)) {
+  const auto check_there = [&] {
+    sqlite3_file_control(handle_, "main", SQLITE_FCNTL_HAS_MOVED, &moved);
+    if (moved == 0 && (!wal_seen_ || wal_there)) return;
     throw Failure(ExitCode::kInputOutput,
                   path_ + (moved != 0 ? "" : "-wal") +
                       ": was deleted or replaced while it was in use. Nothing more is written to "
                       "it; run the same command again.");
-  }
+  };
+  check_there();
   Execute("BEGIN IMMEDIATE");
   in_transaction_ = true;
   try {
+    check_there();  // while it waited for its turn, another process may have replaced the file
     body();
     Execute("COMMIT");
   } catch (...) {

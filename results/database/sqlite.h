@@ -86,8 +86,7 @@ class Statement {
   const std::string* path_ = nullptr;
 };
 
-// kImmutable: of a file that nobody can change, in a folder where SQLite cannot
-// put its own files.
+// kImmutable: of a file that nobody changes, where SQLite cannot have files of its own beside it.
 enum class OpenMode { kReadOnly, kImmutable, kReadWrite, kCreate };
 
 class Connection {
@@ -101,6 +100,9 @@ class Connection {
   const std::string& path() const { return path_; }
   sqlite3* handle() const { return handle_; }
 
+  // Whether the file says that it has a write-ahead log, from its header alone: nothing is locked.
+  bool IsWriteAhead() const;
+
   Statement Prepare(std::string_view sql);
   // Runs statements that return nothing of interest; takes no outside text.
   void Execute(const std::string& sql);
@@ -111,7 +113,8 @@ class Connection {
   std::int64_t Changes() const;  // rows of the last statement, triggers not counted
 
   // Asked again and again while another process has locked the database, with the seconds of
-  // this waiting so far; false ends it with Failure 74. At first: 30 seconds.
+  // this waiting so far; false ends it with Failure 74, as a file system without locks does. At
+  // first: 30 seconds.
   using LockWaiter = std::function<bool(double seconds)>;
   void WaitForLocks(LockWaiter waiter);
 
@@ -129,6 +132,7 @@ class Connection {
   std::string path_;
   LockWaiter lock_waiter_;
   std::chrono::steady_clock::time_point locked_since_;
+  bool locks_exist_ = false;  // asked, while it waits for one
   bool in_transaction_ = false;
   bool wal_seen_ = false;
 };

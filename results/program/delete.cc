@@ -1,7 +1,11 @@
 // results delete - how do runs that nobody needs go?
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <iostream>
+#include <set>
+#include <thread>
+#include <vector>
 
 #include "results/program/commands.h"
 #include "results/program/selection.h"
@@ -10,6 +14,9 @@
 
 namespace dreamsearch::results {
 namespace {
+
+// A worker shows one a second.
+constexpr std::chrono::milliseconds kHeartbeats{2500};
 
 bool IsUuid(const std::string& text) {
   return text.size() == 36 && text.find_first_not_of("0123456789abcdef-") == std::string::npos;
@@ -46,6 +53,28 @@ struct Delete {
   int Run();
 };
 
+// The runs whose process is alive. The clocks of machines differ: what shows no heartbeat of this
+// minute may show the next one.
+std::set<std::int64_t> ActiveOf(Database* database, const std::vector<RunInfo>& runs) {
+  std::set<std::int64_t> active;
+  std::vector<RunInfo> doubtful;
+  for (const RunInfo& run : runs) {
+    if (run.status != RunStatus::kRunning) continue;
+    if (run.heartbeat_age_seconds >= 0 && IsActive(run)) {
+      active.insert(run.run_id);
+    } else {
+      doubtful.push_back(run);
+    }
+  }
+  if (doubtful.empty()) return active;
+  std::this_thread::sleep_for(kHeartbeats);
+  for (const RunInfo& run : doubtful) {
+    const auto now = database->GetRun(run.run_id);
+    if (now && now->heartbeat_utc != run.heartbeat_utc) active.insert(run.run_id);
+  }
+  return active;
+}
+
 int Delete::Run() {
   const RunFilter& filter = selection.filter;
   const bool chosen = !filter.studies.empty() || !filter.tasks.empty() ||
@@ -79,8 +108,9 @@ int Delete::Run() {
     }
     runs.push_back(std::move(run));
   }
+  const std::set<std::int64_t> active = ActiveOf(database.get(), runs);
   for (const RunInfo& run : runs) {
-    if (!IsActive(run)) continue;
+    if (active.count(run.run_id) == 0) continue;
     throw Failure(ExitCode::kUsage,
                   database->path() + ": run " + std::to_string(run.run_id) +
                       (run.parent_run_id

@@ -11,7 +11,16 @@
 namespace dreamsearch {
 
 TemporaryFolder::TemporaryFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "dreamsearch_XXXXXX").string();
+  std::error_code error;
+  const std::filesystem::path place = std::filesystem::temp_directory_path(error);
+  std::string name = (place / "dreamsearch_XXXXXX").string();
+  if (error) {
+    const char* given = ::getenv("TMPDIR");
+    throw Failure(ExitCode::kCannotCreate,
+                  std::string(given == nullptr ? "/tmp" : given) +
+                      ": expected a folder for temporary files: " + error.message() +
+                      ". TMPDIR can name another place.");
+  }
   if (::mkdtemp(name.data()) == nullptr) {
     throw Failure(ExitCode::kCannotCreate,
                   name + ": cannot create a temporary folder: " + std::strerror(errno) +
