@@ -1,9 +1,13 @@
 #include "results/upkeep/merge.h"
 
-#include <unistd.h>
+#include <sqlite3.h>
 
+#include <algorithm>
+#include <chrono>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <utility>
 
 #include "results/system/error.h"
 #include "results/text/table.h"
@@ -11,6 +15,9 @@
 
 namespace dreamsearch::results {
 namespace {
+
+// How long other writers wait at a time.
+constexpr std::chrono::milliseconds kMoment{500};
 
 // Attached for the lifetime of the object.
 class Attached {
@@ -33,6 +40,53 @@ class Attached {
   Connection* db_;
 };
 
+// Gives SQL the function merged_path for the lifetime of the object.
+class PathFunction {
+ public:
+  using Function = std::function<std::string(const std::string&)>;
+
+  PathFunction(Connection* db, Function function) : db_(db), function_(std::move(function)) {
+    const int code = sqlite3_create_function_v2(db_->handle(), kName, 1, SQLITE_UTF8, &function_,
+                                                Call, nullptr, nullptr, nullptr);
+    if (code != SQLITE_OK) ThrowSqlite(db_->handle(), db_->path(), "preparing to merge");
+  }
+  ~PathFunction() {
+    sqlite3_create_function_v2(db_->handle(), kName, 1, SQLITE_UTF8, nullptr, nullptr, nullptr,
+                               nullptr, nullptr);
+  }
+  PathFunction(const PathFunction&) = delete;
+  PathFunction& operator=(const PathFunction&) = delete;
+
+ private:
+  static constexpr char kName[] = "merged_path";
+
+  static void Call(sqlite3_context* context, int, sqlite3_value** values) {
+    const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(values[0]));
+    const std::string moved =
+        (*static_cast<const Function*>(sqlite3_user_data(context)))(text == nullptr ? "" : text);
+    sqlite3_result_text64(context, moved.data(), moved.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  }
+
+  Connection* db_;
+  Function function_;
+};
+
+// Every row that is copied refers to a row that is there, so they are not looked up one by one.
+class ForeignKeysTrusted {
+ public:
+  explicit ForeignKeysTrusted(Connection* db) : db_(db) {
+    db_->Execute("PRAGMA foreign_keys = OFF");
+  }
+  ~ForeignKeysTrusted() {
+    sqlite3_exec(db_->handle(), "PRAGMA foreign_keys = ON", nullptr, nullptr, nullptr);
+  }
+  ForeignKeysTrusted(const ForeignKeysTrusted&) = delete;
+  ForeignKeysTrusted& operator=(const ForeignKeysTrusted&) = delete;
+
+ private:
+  Connection* db_;
+};
+
 class Merger {
  public:
   Merger(Database* target, const std::string& source)
@@ -48,12 +102,21 @@ class Merger {
       return !a.parent_run_id && b.parent_run_id;
     });
     const Attached attached(&db_, source_->path());
+    const PathFunction paths(&db_, [this](const std::string& path) { return Moved(path); });
     db_.Execute(
-        "CREATE TEMP TABLE IF NOT EXISTS metric_map (old INTEGER PRIMARY KEY, new INTEGER)");
+        "CREATE TEMP TABLE IF NOT EXISTS host_map (old INTEGER PRIMARY KEY, new INTEGER);"
+        "CREATE TEMP TABLE IF NOT EXISTS build_map (old INTEGER PRIMARY KEY, new INTEGER)");
     MapMetrics();
-    for (RunInfo& run : runs) {
+    PrepareCopies();
+    const ForeignKeysTrusted trusted(&db_);
+    // Several runs a transaction, for a moment in which others wait.
+    for (auto run = runs.begin(); run != runs.end();) {
       db_.Transact([&] {
-        if (ReadAgain(&run)) MergeRun(run);
+        const auto begin = std::chrono::steady_clock::now();
+        do {
+          if (ReadAgain(&*run)) MergeRun(*run);
+          ++run;
+        } while (run != runs.end() && std::chrono::steady_clock::now() - begin < kMoment);
       });
     }
     db_.Transact([this] { MergePublished(); });
@@ -64,11 +127,12 @@ class Merger {
   void MapMetrics() {
     db_.Transact([this] {
       db_.Execute(
-          "DELETE FROM temp.metric_map;"
           "INSERT INTO metric (name, unit, doc) SELECT name, unit, doc FROM source.metric"
-          " WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING;"
-          "INSERT INTO temp.metric_map SELECT s.metric_id, m.metric_id FROM source.metric s"
-          " JOIN main.metric m USING (name, unit)");
+          " WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING");
+      Statement rows = db_.Prepare(
+          "SELECT m.metric_id, s.metric_id FROM source.metric s JOIN main.metric m USING (name,"
+          " unit)");
+      while (rows.Step()) metrics_[rows.Int(0)] = rows.Int(1);
     });
   }
 
@@ -100,6 +164,7 @@ class Merger {
         return;
       }
       parent = found->second;
+      if (!target_->GetRun(*parent)) return;  // deleted meanwhile, and its evaluations with it
     }
     std::optional<RunInfo> there = ByUuid(run.uuid);
     if (!there) {
@@ -120,7 +185,7 @@ class Merger {
       if (!same) {
         // The evaluations below were of the other run.
         for (const RunInfo& child : target_->ListRuns()) {
-          if (child.parent_run_id == run_id) target_->DeleteRun(child.run_id);
+          if (child.parent_run_id == run_id) DeleteRun(child.run_id);
         }
       }
       ++result_.replaced;
@@ -138,6 +203,15 @@ class Merger {
               Maybe(run.heartbeat_utc), Maybe(run.result_digest))
         .Run();
     CopyRows(run.run_id, run_id);
+  }
+
+  // The bins go first, so that no trigger maintains what is about to vanish.
+  void DeleteRun(std::int64_t run_id) {
+    db_.Prepare("DELETE FROM main.curve_bin WHERE run_id = ?1").Bind(run_id).Run();
+    for (const std::string& table : tables_) {
+      db_.Prepare("DELETE FROM main." + table + " WHERE run_id = ?1").Bind(run_id).Run();
+    }
+    db_.Prepare("DELETE FROM main.run WHERE run_id = ?1").Bind(run_id).Run();
   }
 
   std::optional<RunInfo> ByUuid(const std::string& uuid) {
@@ -198,64 +272,79 @@ class Merger {
     return target_->Plugin(source_->GetPlugin(*id));
   }
 
-  void CopyRows(std::int64_t from, std::int64_t to) {
-    Statement segments = db_.Prepare(
-        "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, s.build_id FROM"
-        " source.segment s JOIN source.host h USING (host_id) WHERE s.run_id = ?1"
-        " ORDER BY s.segment");
-    Statement copy_segment = db_.Prepare(
-        "INSERT INTO main.segment (run_id, segment, host_id, build_id, instruction_set, pid,"
-        " from_env_step, to_env_step, started_utc, ended_utc, end_reason, rows_rolled_back,"
-        " slurm_job, gflop_per_second, slurm_restarts, slurm_node) SELECT ?2, segment, ?4, ?5,"
-        " instruction_set, pid, from_env_step, to_env_step, started_utc, ended_utc, end_reason,"
-        " rows_rolled_back, slurm_job, gflop_per_second, slurm_restarts, slurm_node FROM"
-        " source.segment WHERE run_id = ?1 AND segment = ?3");
-    segments.Bind(from);
-    while (segments.Step()) {
-      const std::int64_t host = target_->Host(
-          {segments.Text(1), segments.Text(2), segments.Int(3), segments.Int(4), segments.Text(5)});
-      const std::optional<std::int64_t> build = segments.OptionalInt(6);
-      copy_segment
-          .Bind(from, to, segments.Int(0), host,
-                build ? std::optional(target_->Build(source_->GetBuild(*build))) : std::nullopt)
-          .Run();
+  // Statements that copy the rows of a run, ?1 in the source and ?2 here, in the order of their
+  // keys, so that rows are appended. Their tables and columns are those of the schema, less what
+  // triggers make.
+  void PrepareCopies() {
+    const std::map<std::string, std::string> mapped = {
+        {"segment.host_id", "(SELECT new FROM temp.host_map WHERE old = host_id)"},
+        {"segment.build_id", "(SELECT new FROM temp.build_map WHERE old = build_id)"},
+        {"scalar.metric_id", "?4"},
+        {"artifact.path", "merged_path(path)"}};
+    Statement tables = db_.Prepare(
+        "SELECT t.name FROM main.sqlite_schema t WHERE t.type = 'table' AND t.name NOT IN ('run',"
+        " 'curve_bin') AND EXISTS (SELECT 1 FROM pragma_table_info(t.name, 'main') c WHERE"
+        " c.name = 'run_id') ORDER BY t.name");
+    while (tables.Step()) {
+      const std::string table = tables.Text(0);
+      tables_.push_back(table);
+      Statement columns = db_.Prepare(
+          "SELECT name FROM pragma_table_info(?1, 'main') WHERE name <> 'run_id' ORDER BY cid");
+      Statement keys =
+          db_.Prepare("SELECT name FROM pragma_table_info(?1, 'main') WHERE pk > 0 ORDER BY pk");
+      std::string into = "INSERT INTO main." + table + " (run_id";
+      std::string from = ") SELECT ?2";
+      columns.Bind(table);
+      while (columns.Step()) {
+        const std::string column = columns.Text(0);
+        const auto other = mapped.find(table + "." + column);
+        into += ", " + column;
+        from += ", " + (other != mapped.end() ? other->second : column);
+      }
+      std::string order;
+      keys.Bind(table);
+      while (keys.Step()) order += (order.empty() ? "" : ", ") + keys.Text(0);
+      const bool scalar = table == "scalar";
+      Statement copy = db_.Prepare(into + from + " FROM source." + table + " WHERE run_id = ?1" +
+                                   (scalar ? " AND metric_id = ?3" : "") + " ORDER BY " + order);
+      if (scalar) {
+        copy_scalars_ = std::move(copy);
+      } else {
+        copies_.push_back(std::move(copy));
+      }
     }
-    // In the order of the keys, so that rows are appended.
-    for (const char* sql :
-         {"INSERT INTO main.step (run_id, env_step, episode, t, reward, value, plan_us,"
-          " simulations, nodes, depth) SELECT ?2, env_step, episode, t, reward, value, plan_us,"
-          " simulations, nodes, depth FROM source.step WHERE run_id = ?1 ORDER BY env_step",
-          "INSERT INTO main.episode (run_id, phase, episode, env_step, length, episode_return,"
-          " wall_s, plan_us_mean, plan_us_p95, model_transitions, digest) SELECT ?2, phase,"
-          " episode, env_step, length, episode_return, wall_s, plan_us_mean, plan_us_p95,"
-          " model_transitions, digest FROM source.episode WHERE run_id = ?1 ORDER BY phase,"
-          " episode",
-          "INSERT INTO main.scalar (run_id, metric_id, env_step, value) SELECT ?2, m.new, "
-          "s.env_step,"
-          " s.value FROM source.scalar s JOIN temp.metric_map m ON m.old = s.metric_id WHERE"
-          " s.run_id = ?1 ORDER BY m.new, s.env_step",
-          "INSERT INTO main.time_use (run_id, env_step, activity, seconds, processor_seconds,"
-          " gflop) SELECT ?2, env_step, activity, seconds, processor_seconds, gflop FROM"
-          " source.time_use WHERE run_id = ?1 ORDER BY env_step, activity",
-          "INSERT INTO main.event (run_id, seq, env_step, utc, level, kind, detail) SELECT ?2, seq,"
-          " env_step, utc, level, kind, detail FROM source.event WHERE run_id = ?1 ORDER BY seq",
-          "INSERT INTO main.chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"
-          " SELECT ?2, tbl, first_step, last_step, n_rows, digest FROM source.chunk_digest WHERE"
-          " run_id = ?1"}) {
-      db_.Prepare(sql).Bind(from, to).Run();
+  }
+
+  void CopyRows(std::int64_t from, std::int64_t to) {
+    MapMachines(from);
+    for (Statement& copy : copies_) {
+      copy.Bind(from, to).Run();
       result_.rows += db_.Changes();
     }
-    Statement artifacts = db_.Prepare(
-        "SELECT path, kind, env_step, bytes, sha256 FROM source.artifact WHERE run_id = ?1");
-    Statement copy_artifact = db_.Prepare(
-        "INSERT INTO main.artifact (run_id, path, kind, env_step, bytes, sha256)"
-        " VALUES (?1, ?2, ?3, ?4, ?5, ?6)");
-    artifacts.Bind(from);
-    while (artifacts.Step()) {
-      copy_artifact
-          .Bind(to, Moved(artifacts.Text(0)), artifacts.Text(1), artifacts.Int(2), artifacts.Int(3),
-                artifacts.Text(4))
-          .Run();
+    for (const auto& [metric, old] : metrics_) {
+      copy_scalars_.Bind(from, to, old, metric).Run();
+      result_.rows += db_.Changes();
+    }
+  }
+
+  // The hosts and builds of a run's segments.
+  void MapMachines(std::int64_t run_id) {
+    db_.Execute("DELETE FROM temp.host_map; DELETE FROM temp.build_map");
+    Statement hosts = db_.Prepare(
+        "SELECT host_id, hostname, cpu, cores, memory_bytes, os FROM source.host WHERE host_id IN"
+        " (SELECT host_id FROM source.segment WHERE run_id = ?1)");
+    hosts.Bind(run_id);
+    while (hosts.Step()) {
+      const std::int64_t host =
+          target_->Host({hosts.Text(1), hosts.Text(2), hosts.Int(3), hosts.Int(4), hosts.Text(5)});
+      db_.Prepare("INSERT INTO temp.host_map VALUES (?1, ?2)").Bind(hosts.Int(0), host).Run();
+    }
+    Statement builds = db_.Prepare(
+        "SELECT DISTINCT build_id FROM source.segment WHERE run_id = ?1 AND build_id IS NOT NULL");
+    builds.Bind(run_id);
+    while (builds.Step()) {
+      const std::int64_t build = target_->Build(source_->GetBuild(builds.Int(0)));
+      db_.Prepare("INSERT INTO temp.build_map VALUES (?1, ?2)").Bind(builds.Int(0), build).Run();
     }
   }
 
@@ -279,7 +368,11 @@ class Merger {
   Database* target_;
   Connection& db_;
   std::unique_ptr<Database> source_;
-  std::map<std::int64_t, std::int64_t> merged_;  // run_id of the source to that of the target
+  std::map<std::int64_t, std::int64_t> metrics_;  // metric_id of the target to the source's
+  std::vector<std::string> tables_;               // of what a run recorded
+  std::vector<Statement> copies_;                 // one a table
+  Statement copy_scalars_;                        // of one metric, ?3 there and ?4 here
+  std::map<std::int64_t, std::int64_t> merged_;   // run_id of the source to that of the target
   MergeResult result_;
 };
 

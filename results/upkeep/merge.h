@@ -13,12 +13,12 @@ struct MergeResult {
   std::int64_t added = 0;     // runs that were not there
   std::int64_t replaced = 0;  // runs that were there, less far or losing to this one
   std::int64_t kept = 0;      // runs that were there, as far or further
-  std::int64_t rows = 0;      // decisions, episodes, scalars and time uses copied
+  std::int64_t rows = 0;      // copied, of all that a run recorded
   std::vector<std::string> notes;
 };
 
-// Adds the runs of `source` to `target`, each in one transaction, and published
-// curves. Of a run that both have, the one that got further stays: finished before
+// Adds the runs of `source` to `target`, each in one transaction, perhaps with others, and
+// published curves. Of a run that both have, the one that got further stays: finished before
 // unfinished, then by environment steps, then by heartbeat. Two runs of one key
 // but different UUIDs are the same experiment done twice: one of them stays, by
 // the same order and then the smaller UUID, so the outcome does not depend on the
