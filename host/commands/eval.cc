@@ -107,7 +107,8 @@ int Eval::Run(const Words& words) {
     const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
-  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
+  const SweepFigures figures = ProbeSweep(specs, options.process);
+  const std::vector<results::TaskInfo>& tasks = figures.tasks;
   if (database == nullptr) database = results::Database::OpenOrCreate(db);
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
@@ -125,6 +126,7 @@ int Eval::Run(const Words& words) {
   std::vector<std::string> argv = {"runner", "eval"};
   argv.insert(argv.end(), words.begin(), words.end());
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
+  for (SweepJob& job : jobs) job.memory_bytes = figures.memory_bytes;
   std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
             << finished << " finished before; database " << database->path() << std::endl;
   ProgressDisplay progress;

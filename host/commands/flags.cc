@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "host/settings/cores.h"
 #include "results/system/error.h"
 #include "results/text/json_text.h"
 
@@ -124,20 +123,31 @@ Flag DatabaseFlag(ProcessOptions* process) {
 }
 
 FlagGroup LimitFlags(ProcessOptions* process) {
-  process->jobs = static_cast<int>(AvailableCores().count);
-  return {"Where and within which limits",
-          {DatabaseFlag(process),
-           PluginPathFlag(&process->plugin_path),
-           {"jobs", "N", Whole(&process->jobs, 1, 10000).Default("the number of cores"),
-            "run this many worker processes at once; a run learns on the cores that no other "
-            "run needs, with the same results"},
-           {"time-limit", "TIME", Duration(&process->time_limit_seconds).Default("0, no limit"),
-            "end a run after this time, in seconds or as 30m or 2h"},
-           {"memory-limit", "SIZE", Size(&process->memory_limit_bytes).Default("0, no limit"),
-            "end a run that uses more memory than this, in bytes or as 512M or 4G"},
-           {"hang-timeout", "TIME", Duration(&process->hang_timeout_seconds).Default("60"),
-            "end a run that makes no progress for this much processor time, in seconds or as 5m, "
-            "times the number of decisions that it makes at once; 0: never"}}};
+  return {
+      "Where and within which limits",
+      {DatabaseFlag(process),
+       PluginPathFlag(&process->plugin_path),
+       {"jobs", "N", Whole(&process->jobs, 1, 10000).Default("what the cores and the memory allow"),
+        "run this many worker processes at once; a run learns on the cores that no other "
+        "run needs, with the same results"},
+       {"time-limit", "TIME", Duration(&process->time_limit_seconds).Default("0, no limit"),
+        "end a run after this time, in seconds or as 30m or 2h"},
+       {"memory-limit", "SIZE",
+        Size(&process->memory_limit_bytes).Default("the free memory, divided by --jobs"),
+        "end a run whose process takes more memory than this (its resident size), in bytes or "
+        "as 512M or 4G; 0: never"},
+       {"nice", "N", Whole(&process->nice, 0, 19).Default("0"),
+        "run with this much lower priority than other programs, up to 19"},
+       {"hang-timeout", "TIME", Duration(&process->hang_timeout_seconds).Default("60"),
+        "end a run that makes no progress for this much processor time, in seconds or as 5m, "
+        "times the number of decisions that it makes at once; 0: never"}}};
+}
+
+Flag ScratchFlag(ProcessOptions* process) {
+  const auto path = [](const std::string& text) { return std::filesystem::path(text); };
+  return {"scratch", "DIR", Parsed(&process->scratch, path),
+          "keep the database in this folder of this machine while runs are active, and put it back "
+          "whole every 10 minutes and at the end; for shared file systems"};
 }
 
 Flag RetryFlag(ProcessOptions* process) {

@@ -1,10 +1,9 @@
 // runner --env NAMES --planner NAMES - how good do agents become that are trained like this?
-#include <sys/statvfs.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <optional>
 #include <set>
 #include <thread>
 
@@ -14,10 +13,13 @@
 #include "host/commands/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/supervisor.h"
+#include "host/settings/memory.h"
 #include "host/settings/settings.h"
 #include "host/sweeps/probe.h"
+#include "host/sweeps/scratch.h"
 #include "host/sweeps/sweep.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -45,7 +47,8 @@ const char* SweepActionText(SweepAction action) {
 }
 
 // Measures each configuration once.
-std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs) {
+std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs,
+                                    const ProcessOptions& options) {
   std::map<std::string, ProbeResult> known;
   std::vector<ProbeResult> results;
   for (const RunSpec& spec : specs) {
@@ -54,7 +57,7 @@ std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs) {
     if (found == known.end()) {
       std::cerr << "measuring " << spec.environment.task() << ", " << spec.planner.name() << " ..."
                 << std::endl;
-      found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, kProbeTimeoutSeconds)).first;
+      found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, options)).first;
     }
     results.push_back(found->second);
   }
@@ -115,10 +118,26 @@ void PrintSettings(const std::vector<PlannedRun>& runs) {
   print(false);
 }
 
+// How long a run that is stopped takes for its checkpoint, and how long it may.
+void SayStopping(const ProcessOptions& options, double bytes, double saving) {
+  const std::filesystem::path& place = options.scratch.empty() ? options.db : options.scratch / "x";
+  const double seconds = saving + SecondsToWrite(bytes, place);
+  const double grace = GraceSeconds(options);
+  std::cout << "stopping: a run's last checkpoint, " << FormatBytes(bytes) << ", takes about "
+            << FormatNumber("%.1f s", seconds) << "; it has " << FormatDuration(grace)
+            << " for it and is then killed\n";
+  if (seconds > grace) {
+    std::cout << "warning: a run that is stopped late loses what it did since its last regular "
+                 "checkpoint, of "
+              << "run.checkpoint_every; lower run.replay_capacity"
+              << (grace < 60 ? ", or raise --hang-timeout" : "") << "\n";
+  }
+}
+
 int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
            const std::vector<ProbeResult>& probes) {
   std::cout << "runs\n";
-  double seconds = 0, bytes = 0, longest = 0;
+  double seconds = 0, bytes = 0, longest = 0, memory = 0, checkpoint = 0, saving = 0;
   std::size_t work = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     const PlannedRun& run = runs[i];
@@ -129,22 +148,37 @@ int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
       seconds += estimate.seconds;
       longest = std::max(longest, estimate.seconds);
       bytes += estimate.database_bytes + estimate.file_bytes;
+      memory = std::max(memory, estimate.memory_bytes);
+      checkpoint = std::max(checkpoint, estimate.checkpoint_bytes);
+      saving = std::max(saving, probes[i].costs.model_save);
       std::cout << ", " << GroupDigits(run.spec.steps()) << " environment steps, about "
                 << FormatDuration(estimate.seconds) << " on one core, "
                 << FormatBytes(estimate.database_bytes) << " of rows, "
-                << FormatBytes(estimate.file_bytes) << " of checkpoints";
+                << FormatBytes(estimate.file_bytes) << " of checkpoints, "
+                << FormatBytes(estimate.memory_bytes) << " of memory";
     }
     if (!run.note.empty()) std::cout << " (" << run.note << ")";
     std::cout << "\n";
   }
   PrintSettings(runs);
-  const auto jobs = static_cast<double>(std::max<std::size_t>(
-      1, std::min<std::size_t>(work, static_cast<std::size_t>(options.process.jobs))));
+  const WorkLimits limits = LimitsOf(options.process, static_cast<std::uint64_t>(memory));
+  const auto jobs = static_cast<double>(
+      std::max<std::size_t>(1, std::min<std::size_t>(work, static_cast<std::size_t>(limits.jobs))));
   std::cout << "\ntotal: " << work << " of " << Counted(runs.size(), "run") << " to work on, about "
-            << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs "
-            << options.process.jobs << ", at most " << FormatBytes(bytes) << " in "
-            << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n"
-            << "times were measured here just now; nothing was run or written\n";
+            << FormatDuration(std::max(longest, seconds / jobs)) << " with --jobs " << limits.jobs
+            << ", at most " << FormatBytes(bytes) << " in "
+            << std::filesystem::absolute(options.process.db).lexically_normal().string() << "\n";
+  if (limits.memory_bytes > 0) {
+    const auto limit = static_cast<double>(limits.memory_bytes);
+    std::cout << "memory: a run takes about " << FormatBytes(memory) << " and may take "
+              << FormatBytes(limit) << "\n";
+    if (memory > limit) {
+      std::cout << "warning: that is too little; give more with --memory-limit or fewer --jobs, or "
+                   "lower run.replay_capacity\n";
+    }
+  }
+  if (work > 0) SayStopping(options.process, checkpoint, saving);
+  std::cout << "times were measured here just now; nothing was run or written\n";
   return SweepStatus(runs, {});
 }
 
@@ -171,6 +205,21 @@ std::string ProgramPath(const char* name) {
   return ShellWord((relative.has_parent_path() ? "" : "./") + relative.string());
 }
 
+// Draws, and puts the copy back from time to time.
+class ScratchObserver : public SweepObserver {
+ public:
+  explicit ScratchObserver(Scratch* scratch) : scratch_(scratch) {}
+  void Show(const std::map<std::size_t, ActiveLine>& lines, const std::string& summary) override {
+    display_.Show(lines, summary);
+    if (scratch_ != nullptr) scratch_->PutBackIfDue();
+  }
+  void Say(const std::string& message) override { display_.Say(message); }
+
+ private:
+  ProgressDisplay display_;
+  Scratch* scratch_;
+};
+
 struct Train {
   Options options;
 
@@ -188,11 +237,16 @@ int Train::Run(const Words& words) {
     results::Database::CheckWritable(options.process.db.string());
     const auto database =
         exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
-    return DryRun(options, PlanSweep(database.get(), options.process, specs), MeasureAll(specs));
+    return DryRun(options, PlanSweep(database.get(), options.process, specs),
+                  MeasureAll(specs, options.process));
   }
 
-  const std::vector<results::TaskInfo> tasks = ProbeSweep(specs);
-  const auto database = results::Database::OpenOrCreate(options.process.db.string());
+  const SweepFigures figures = ProbeSweep(specs, options.process);
+  std::optional<Scratch> scratch;
+  if (!options.process.scratch.empty())
+    scratch.emplace(options.process.db, options.process.scratch);
+  auto database =
+      results::Database::OpenOrCreate(scratch ? scratch->database() : options.process.db.string());
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
   }
@@ -205,14 +259,25 @@ int Train::Run(const Words& words) {
     std::cerr << " " << count << " to " << SweepActionText(action)
               << (action == counts.rbegin()->first ? "" : ",");
   }
-  std::cerr << "; database " << database->path() << std::endl;
+  std::cerr << "; database "
+            << (scratch ? AbsolutePath(options.process.db.string()) : database->path());
+  if (scratch) std::cerr << ", for now in " << database->path();
+  std::cerr << std::endl;
 
   std::vector<std::string> argv = {"runner"};
   argv.insert(argv.end(), words.begin(), words.end());
-  std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
+  std::vector<SweepJob> jobs =
+      RecordSweep(database.get(), options.process, planned, figures.tasks, argv);
+  for (SweepJob& job : jobs) job.memory_bytes = figures.memory_bytes;
   const std::size_t work = jobs.size();
-  ProgressDisplay progress;
+  ScratchObserver progress(scratch ? &*scratch : nullptr);
   const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
+
+  const int exit_status = SweepStatus(planned, result);
+  if (scratch) {
+    database.reset();
+    scratch->Finish();
+  }
 
   std::map<results::RunStatus, int> ended;
   for (const results::RunStatus status : result.statuses) ++ended[status];
@@ -237,8 +302,7 @@ int Train::Run(const Words& words) {
               << "      " << ProgramPath("results") << " curves --db " << db
               << " --out curves.svg\n";
   }
-  const int status = SweepStatus(planned, result);
-  return status != 0 ? status : failed_before;
+  return exit_status != 0 ? exit_status : failed_before;
 }
 
 }  // namespace

@@ -67,7 +67,8 @@ CommandSpec RunFlags(Options* options) {
               "value "
               "is the rest of the line up to a #, without quotes; a relative path in a setting "
               "begins in this file's folder"}}},
-           LimitFlags(process),
+           {"Where and within which limits",
+            Joined(LimitFlags(process).flags, {ScratchFlag(process)})},
            EarlierRuns({RetryFlag(process), ReplaceFlag(process)}),
            {"What to record", Joined(RecordingFlags(process), {DryRunFlag(process)})}},
       .exclusive = {{"seeds", "seed-list"}}};

@@ -225,7 +225,9 @@ std::vector<std::string> Submit::TaskFlags() const {
     flags.insert(flags.end(), {"--" + name, value});
   };
   for (const std::string& path : process.plugin_path) add("plugin-path", AbsolutePath(path));
-  if (process.memory_limit_bytes > 0) {
+  if (!process.scratch.empty()) add("scratch", AbsolutePath(process.scratch.string()));
+  if (process.nice > 0) add("nice", std::to_string(process.nice));
+  if (process.memory_limit_bytes != kShareOfMemory) {
     add("memory-limit", std::to_string(process.memory_limit_bytes));
   }
   add("hang-timeout", ExactText(process.hang_timeout_seconds));

@@ -79,7 +79,7 @@ int Verify::Run() {
   const std::filesystem::path agent = AgentCheckpoint(database.get(), spec);
   // The temporary database has no trained run to name.
   if (spec.evaluation) spec.evaluation->parent_run_id = 0;
-  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, options).task;
   const TemporaryFolder folder;
   const auto repeated = results::Database::OpenOrCreate(folder / "verify.db");
   PlannedRun planned;

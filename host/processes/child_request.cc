@@ -13,12 +13,20 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
+#include "host/settings/memory.h"
 #include "results/system/child.h"
 #include "results/system/error.h"
 #include "results/system/file_descriptor.h"
 #include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
+namespace {
+
+// How often the child's memory is looked at.
+constexpr double kMemorySeconds = 0.05;
+
+}  // namespace
 
 nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& content) {
   Pipe pipe = MakePipe();
@@ -35,13 +43,23 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
   const double deadline = ActivityClock::Now() + request.timeout_seconds;
   bool timed_out = false;
   for (;;) {
+    if (request.memory_limit_bytes > 0 && ResidentBytes(pid) > request.memory_limit_bytes) {
+      ::kill(pid, SIGKILL);
+      WaitForEnd(pid);
+      throw Failure(ExitCode::kPluginCrashed,
+                    "the components of " + request.who + " took more than " +
+                        FormatBytes(static_cast<double>(request.memory_limit_bytes)) +
+                        " of memory, which is what one run may take (--memory-limit, or its share "
+                        "of what is free)");
+    }
     pollfd polled{pipe.read.get(), POLLIN, 0};
-    const double left = request.timeout_seconds > 0 ? deadline - ActivityClock::Now() : 1;
+    double left = request.timeout_seconds > 0 ? deadline - ActivityClock::Now() : 1;
     if (left <= 0) {
       timed_out = true;
       ::kill(pid, SIGKILL);
       break;
     }
+    if (request.memory_limit_bytes > 0) left = std::min(left, kMemorySeconds);
     if (::poll(&polled, 1, std::max(1, static_cast<int>(left * 1000))) <= 0) continue;
     char buffer[65536];
     const ssize_t got = ::read(pipe.read.get(), buffer, sizeof buffer);

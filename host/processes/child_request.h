@@ -4,6 +4,7 @@
 // asks of a child: JSON on the child's standard input, JSON back on descriptor 3.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -11,14 +12,15 @@
 namespace dreamsearch {
 
 struct ChildRequest {
-  std::string command;         // the runner's own subcommand that answers
-  std::string who;             // what is asked, for messages: "cartpole_swingup, dreamer"
-  double timeout_seconds = 0;  // of wall time; 0: none
-  bool show_messages = false;  // the child's standard error is ours
+  std::string command;                   // the runner's own subcommand that answers
+  std::string who;                       // what is asked, for messages: "cartpole_swingup, dreamer"
+  double timeout_seconds = 0;            // of wall time; 0: none
+  std::uint64_t memory_limit_bytes = 0;  // of resident size; 0: none
+  bool show_messages = false;            // the child's standard error is ours
 };
 
 // The answer. Throws Failure with the child's message and exit code; 71 if it
-// crashed or took longer than the timeout.
+// crashed, took longer than the timeout or more memory than the limit.
 nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& content);
 
 // The child's side: answers the request on standard input. Returns the exit status.

@@ -27,6 +27,7 @@
 #include "host/processes/worker_end.h"
 #include "host/processes/worker_report.h"
 #include "host/settings/cores.h"
+#include "host/settings/memory.h"
 #include "host/training/rate_meter.h"
 #include "results/system/file_descriptor.h"
 #include "results/text/text.h"
@@ -34,7 +35,6 @@
 namespace dreamsearch {
 namespace {
 
-// How long a run that was asked to end may take for its checkpoint.
 constexpr double kGraceSeconds = 60;
 
 // How often it is tried again to record what could not be.
@@ -110,11 +110,21 @@ struct Ending {
   std::int64_t env_step = 0;  // of training, as far as reports told
 };
 
+std::uint64_t LargestOf(const std::vector<SweepJob>& jobs) {
+  std::uint64_t most = 0;
+  for (const SweepJob& job : jobs) most = std::max(most, job.memory_bytes);
+  return most;
+}
+
 class Sweep {
  public:
   Sweep(results::Database* database, const ProcessOptions& options, std::vector<SweepJob> jobs,
         SweepObserver* observer)
-      : database_(database), options_(options), jobs_(std::move(jobs)), observer_(observer) {
+      : database_(database),
+        options_(options),
+        jobs_(std::move(jobs)),
+        limits_(LimitsOf(options, LargestOf(jobs_))),
+        observer_(observer) {
     result_.statuses.assign(jobs_.size(), results::RunStatus::kQueued);
     exit_codes_.assign(jobs_.size(), 0);
     for (const SweepJob& job : jobs_) {
@@ -123,11 +133,11 @@ class Sweep {
     }
     // Of an evaluation, whose times count, --jobs is the number of threads, the same to its end.
     const std::size_t at_once =
-        std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(options.jobs)));
+        std::max<std::size_t>(1, std::min(jobs_.size(), static_cast<std::size_t>(limits_.jobs)));
     for (SweepJob& job : jobs_) {
       if (!job.work.spec.evaluation) continue;
       job.work.evaluation_threads = static_cast<std::uint32_t>(
-          std::clamp<std::size_t>(static_cast<std::size_t>(options.jobs) / at_once, 1,
+          std::clamp<std::size_t>(static_cast<std::size_t>(limits_.jobs) / at_once, 1,
                                   job.work.spec.run.Integer("eval_episodes")));
     }
   }
@@ -168,7 +178,7 @@ class Sweep {
       }
       if (stopping_ && active_.empty()) break;
       while (!stopping_ && next_ < jobs_.size() &&
-             active_.size() < static_cast<std::size_t>(options_.jobs)) {
+             active_.size() < static_cast<std::size_t>(limits_.jobs)) {
         Start(next_++);
       }
       ShareCores();
@@ -366,23 +376,21 @@ class Sweep {
     const double now = ActivityClock::Now();
     for (const auto& [index, run] : active_) {
       const bool asked = run->course.asked != WorkerCourse::Asked::kNo;
+      if (const std::uint64_t memory = limits_.memory_bytes == 0 ? 0 : ResidentBytes(run->pid);
+          memory > limits_.memory_bytes) {
+        run->course.memory_bytes = memory;
+        Kill(run.get(), WorkerCourse::Killed::kMemory);
+      }
       if (options_.hang_timeout_seconds > 0 &&
           ProcessorSeconds(run->pid) - run->processor_at_report > Patience(*run)) {
         Kill(run.get(), WorkerCourse::Killed::kHang);
-      } else if (asked && now - run->asked_at > GraceSeconds()) {
+      } else if (asked && now - run->asked_at > GraceSeconds(options_)) {
         Kill(run.get(), WorkerCourse::Killed::kOverdue);
       } else if (!asked && options_.time_limit_seconds > 0 &&
                  now - run->started > options_.time_limit_seconds) {
         Ask(run.get(), WorkerCourse::Asked::kTimeLimit);
       }
     }
-  }
-
-  // A shorter --hang-timeout also shortens the grace period after a stop request.
-  double GraceSeconds() const {
-    return options_.hang_timeout_seconds > 0
-               ? std::min(kGraceSeconds, options_.hang_timeout_seconds)
-               : kGraceSeconds;
   }
 
   void Ask(ActiveRun* run, WorkerCourse::Asked why) {
@@ -420,8 +428,10 @@ class Sweep {
     course.stage = run->line.progress.stage;
     course.log = jobs_[run->index].work.folder / "run.log";
     course.patience_seconds = Patience(*run);
-    course.grace_seconds = GraceSeconds();
+    course.grace_seconds = GraceSeconds(options_);
     course.time_limit_seconds = options_.time_limit_seconds;
+    course.memory_limit_bytes = limits_.memory_bytes;
+    course.memory_limit_given = options_.memory_limit_bytes != kShareOfMemory;
     const WorkerEnd end = EndOf(course, status);
     if (end.exit_code == static_cast<int>(ExitCode::kInputOutput) &&
         RunIsLocked(jobs_[run->index].work.folder)) {
@@ -545,6 +555,7 @@ class Sweep {
   results::Database* database_;
   const ProcessOptions& options_;
   std::vector<SweepJob> jobs_;
+  const WorkLimits limits_;
   std::size_t next_ = 0;
   std::size_t ended_ = 0;
   std::map<std::size_t, std::unique_ptr<ActiveRun>> active_;
@@ -566,6 +577,12 @@ class Sweep {
 };
 
 }  // namespace
+
+// A shorter --hang-timeout shortens it.
+double GraceSeconds(const ProcessOptions& options) {
+  return options.hang_timeout_seconds > 0 ? std::min(kGraceSeconds, options.hang_timeout_seconds)
+                                          : kGraceSeconds;
+}
 
 int FailureCode(const results::RunInfo& run) {
   return static_cast<int>(run.exit_code.value_or(static_cast<int>(ExitCode::kInternal)));

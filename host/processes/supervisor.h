@@ -1,5 +1,8 @@
 // supervisor.h - runs a sweep, one worker process a run.
 //
+// Without --jobs there are as many workers at once as the cores and the memory allow. A worker
+// whose resident size is more than its limit is killed.
+//
 // The supervisor loads no plugin. It starts workers, tells how they get on, ends
 // those that hang or overstay, and writes every run's final status. A worker that
 // crashes, hangs or eats memory costs its run, never the sweep.
@@ -27,7 +30,8 @@ namespace dreamsearch {
 
 struct SweepJob {
   WorkerJob work;
-  std::string label;  // "walker_walk mcts_pw seed 0"
+  std::string label;               // "walker_walk mcts_pw seed 0"
+  std::uint64_t memory_bytes = 0;  // what it will take; 0: unknown
 };
 
 struct SweepResult {
@@ -56,6 +60,9 @@ class SweepObserver {
   // A message that stays.
   virtual void Say(const std::string& message) = 0;
 };
+
+// How long a run that was asked to end may take for its checkpoint.
+double GraceSeconds(const ProcessOptions& options);
 
 // The exit code stored with a run's failure.
 int FailureCode(const results::RunInfo& run);

@@ -1,6 +1,5 @@
 #include "host/processes/worker.h"
 
-#include <malloc.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -159,12 +158,8 @@ std::unique_ptr<RunLoop> MakeRunLoop(const WorkerJob& job, const std::string& uu
 }
 
 int Work(const WorkerJob& job, const ThreadGrant& grant) {
-  if (job.memory_limit_bytes != 0) {
-    const rlimit limit{job.memory_limit_bytes, job.memory_limit_bytes};
-    ::setrlimit(RLIMIT_AS, &limit);
-    // A heap of its own reserves 64 MiB for every thread that learning takes on; what a run may
-    // need must not hang on what runs beside it.
-    ::mallopt(M_ARENA_MAX, 1);
+  if (job.nice != 0 && ::setpriority(PRIO_PROCESS, 0, ::getpriority(PRIO_PROCESS, 0) + job.nice)) {
+    std::cerr << "warning: the priority of this process cannot be lowered\n";
   }
   const FileDescriptor lock = LockRun(job.folder);
   if (const std::string changed = ChangedFile(job.spec); !changed.empty()) {
@@ -284,7 +279,7 @@ int WorkerMain() {
     return fail(error.exit_status(), error.what());
   } catch (const std::bad_alloc&) {
     return fail(static_cast<int>(ExitCode::kInternal),
-                "out of memory; raise --memory-limit, or lower run.replay_capacity or --jobs");
+                "out of memory; lower run.replay_capacity or --jobs");
   }
 }
 

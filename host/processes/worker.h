@@ -25,7 +25,7 @@ struct WorkerJob {
   // Of an evaluation of a trained run: that run's checkpoint.
   std::filesystem::path agent_checkpoint;
   std::uint32_t evaluation_threads = 1;  // on which an evaluation plays its episodes
-  std::uint64_t memory_limit_bytes = 0;  // 0: none
+  int nice = 0;                          // added to its niceness
   bool log_decisions = false;
   bool record_trees = false;
   bool force = false;  // resume under another instruction set
@@ -39,7 +39,7 @@ struct WorkerJob {
     (*archive)("folder", &folder);
     (*archive)("agent_checkpoint", &agent_checkpoint);
     (*archive)("evaluation_threads", &evaluation_threads);
-    (*archive)("memory_limit_bytes", &memory_limit_bytes);
+    (*archive)("nice", &nice);
     (*archive)("log_decisions", &log_decisions);
     (*archive)("record_trees", &record_trees);
     (*archive)("force", &force);

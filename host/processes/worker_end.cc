@@ -46,6 +46,16 @@ WorkerEnd Killed(const WorkerCourse& course) {
               "made no progress for " + FormatDuration(course.patience_seconds) +
                   " of processor time" + doing +
                   "; a plugin hangs, or --hang-timeout is too short. " + log};
+    case WorkerCourse::Killed::kMemory:
+      return {results::RunStatus::kKilled, crashed,
+              "took " + FormatBytes(static_cast<double>(course.memory_bytes)) + " of memory" +
+                  doing + ", more than " +
+                  (course.memory_limit_given ? "--memory-limit allows"
+                                             : "its share of what was free when the sweep began") +
+                  " (" + FormatBytes(static_cast<double>(course.memory_limit_bytes)) +
+                  "). Give it more with --memory-limit or fewer --jobs, or lower "
+                  "run.replay_capacity; the same command resumes it. " +
+                  log};
     case WorkerCourse::Killed::kOverdue:
       return {results::RunStatus::kKilled, crashed,
               "did not stop within " + FormatDuration(course.grace_seconds) + " of " +

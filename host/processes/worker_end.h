@@ -2,6 +2,7 @@
 // people, from how the process ended and what the supervisor had done to it.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 
@@ -15,7 +16,7 @@ namespace dreamsearch {
 struct WorkerCourse {
   // Why it asked it to end with a checkpoint, and why it killed it, if it did.
   enum class Asked { kNo, kTimeLimit, kStop } asked = Asked::kNo;
-  enum class Killed { kNo, kHang, kOverdue, kStop } killed = Killed::kNo;
+  enum class Killed { kNo, kHang, kMemory, kOverdue, kStop } killed = Killed::kNo;
   RunStage stage = RunStage::kStarting;  // last reported
   bool done = false;                     // reported
   std::string error;                     // reported
@@ -23,6 +24,9 @@ struct WorkerCourse {
   double patience_seconds = 0;  // of processor time without progress
   double grace_seconds = 0;     // after it was asked to end
   double time_limit_seconds = 0;
+  std::uint64_t memory_bytes = 0;  // resident, when it was killed for it
+  std::uint64_t memory_limit_bytes = 0;
+  bool memory_limit_given = false;  // with --memory-limit; otherwise a share of what was free
 };
 
 struct WorkerEnd {

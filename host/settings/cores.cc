@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "dreamsearch/random.h"
+#include "host/settings/control_groups.h"
 #include "results/system/file_descriptor.h"
 
 namespace dreamsearch {
@@ -64,28 +65,6 @@ double QuotaOfVersion1(const std::filesystem::path& group) {
   return quota > 0 && period > 0 ? quota / period : std::numeric_limits<double>::infinity();
 }
 
-// Makes *limit that of the group `path`, or of one around it, that is less. A container sees its
-// own group as the root, whatever `path` says.
-void TakeLess(const std::filesystem::path& root, const std::filesystem::path& path,
-              double (*quota)(const std::filesystem::path&), ControlGroupLimit* limit) {
-  std::filesystem::path group = path.relative_path();
-  while (true) {
-    if (const double cores = quota(root / group); cores < limit->cores) {
-      *limit = {cores, "/" + group.string()};
-    }
-    if (group.empty()) return;
-    group = group.parent_path();
-  }
-}
-
-bool Lists(const std::string& names, const std::string& name) {
-  std::istringstream list(names);
-  for (std::string each; std::getline(list, each, ',');) {
-    if (each == name) return true;
-  }
-  return false;
-}
-
 std::filesystem::path FileOf(const Cores& cores) {
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
@@ -129,20 +108,10 @@ struct flock LockOf(short type, std::size_t first, std::size_t count) {
 ControlGroupLimit LimitOfControlGroups(const std::filesystem::path& membership,
                                        const std::filesystem::path& root) {
   ControlGroupLimit limit;
-  std::ifstream file(membership);
-  for (std::string line; std::getline(file, line);) {  // "0::/group", "4:cpu,cpuacct:/group"
-    const std::size_t names = line.find(':');
-    const std::size_t path = names == std::string::npos ? names : line.find(':', names + 1);
-    if (path == std::string::npos) continue;
-    const std::string controllers = line.substr(names + 1, path - names - 1);
-    const std::filesystem::path group = line.substr(path + 1);
-    if (controllers.empty()) {
-      TakeLess(root, group, Quota, &limit);
-    } else if (Lists(controllers, "cpu")) {
-      TakeLess(root / controllers, group, QuotaOfVersion1, &limit);
-      TakeLess(root / "cpu", group, QuotaOfVersion1, &limit);
-    }
-  }
+  ForEachControlGroup(membership, root, "cpu", [&limit](const ControlGroup& group) {
+    const double cores = group.version1 ? QuotaOfVersion1(group.folder) : Quota(group.folder);
+    if (cores < limit.cores) limit = {cores, group.name};
+  });
   return limit;
 }
 

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -22,13 +23,19 @@ struct Setting {
                                       // the command was typed
 };
 
+inline constexpr std::uint64_t kShareOfMemory = std::numeric_limits<std::uint64_t>::max();
+
 // What every command that runs experiments understands.
 struct ProcessOptions {
   std::filesystem::path db = kDefaultDatabase;
+  std::filesystem::path scratch;  // a folder of this machine for the running database; empty: none
   std::vector<std::string> plugin_path;
-  int jobs = 1;                          // default: the number of cores
-  double time_limit_seconds = 0;         // 0: none
-  std::uint64_t memory_limit_bytes = 0;  // 0: none
+  int jobs = 0;                   // 0: as many as the cores and the memory allow
+  double time_limit_seconds = 0;  // 0: none
+  // Of resident size, for each run. 0: none; kShareOfMemory: the memory that is free, divided by
+  // the number of jobs.
+  std::uint64_t memory_limit_bytes = kShareOfMemory;
+  int nice = 0;  // added to the niceness of workers
   double hang_timeout_seconds = 60;
   bool retry = false;
   bool replace = false;

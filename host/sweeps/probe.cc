@@ -1,8 +1,14 @@
 #include "host/sweeps/probe.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <memory>
+#include <string>
+#include <system_error>
 
 #include "host/acting/activity_clock.h"
 #include "host/acting/agent.h"
@@ -10,10 +16,12 @@
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
 #include "host/processes/child_request.h"
+#include "host/settings/memory.h"
 #include "host/settings/schedule.h"
 #include "host/training/reanalysis.h"
 #include "host/training/replay.h"
 #include "results/system/error.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/json_fields.h"
 
 namespace dreamsearch {
@@ -145,10 +153,12 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
                     "model '" + spec.model.name() + "' Train");
     });
   }
-  costs.checkpoint_bytes = static_cast<double>(StateBytes([&](StateWriter* writer) {
-    ThrowUnlessOk(writer->Stream("state", [&](ByteSink* sink) { return model->Save(sink); }),
-                  "model '" + spec.model.name() + "' Save");
-  }));
+  costs.model_save = SecondsOf(0.05, [&] {
+    costs.checkpoint_bytes = static_cast<double>(StateBytes([&](StateWriter* writer) {
+      ThrowUnlessOk(writer->Stream("state", [&](ByteSink* sink) { return model->Save(sink); }),
+                    "model '" + spec.model.name() + "' Save");
+    }));
+  });
   return costs;
 }
 
@@ -162,6 +172,19 @@ struct ProbeRequest {
     (*archive)("depth", &depth);
   }
 };
+
+// Of a worker's connection.
+constexpr double kDatabaseCacheBytes = 16 << 20;
+
+constexpr double kMostTrialBytes = 32 << 20;
+
+// In memory, as Replay holds it.
+double ReplayRowBytes(const RunSpec& spec, const results::TaskInfo& task) {
+  const auto actions = static_cast<double>(task.action_size);
+  const auto candidates = static_cast<double>(spec.search_candidates());
+  const double search = candidates > 0 ? candidates * (actions + 1) + 1 : 0;
+  return sizeof(float) * (static_cast<double>(task.observation_size) + actions + 2 + search) + 1;
+}
 
 // As the run will make them.
 void MakeComponents(const RunSpec& spec, const Components& components,
@@ -197,35 +220,43 @@ int ProbeMain() {
     if (asked.depth == ProbeDepth::kCosts) {
       result.costs = MeasureCosts(spec, components, environment.get());
     }
+    if (asked.depth != ProbeDepth::kTask) {
+      result.memory_bytes = static_cast<double>(PeakResidentBytes());
+    }
     return results::FieldsToJson(result);
   });
 }
 
-ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds) {
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, const ProcessOptions& options) {
   ChildRequest request;
   request.command = "probe";
   request.who = spec.environment.task() + ", " + spec.model.name() + ", " + spec.planner.name();
-  request.timeout_seconds = timeout_seconds;
+  request.timeout_seconds = kProbeTimeoutSeconds;
+  request.memory_limit_bytes = LimitsOf(options, 0).memory_bytes;
   return results::FieldsFromJson<ProbeResult>(
       AskChild(request, results::FieldsToJson(ProbeRequest{spec, depth})));
 }
 
-std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs) {
-  std::vector<results::TaskInfo> tasks;
+SweepFigures ProbeSweep(const std::vector<RunSpec>& specs, const ProcessOptions& options) {
+  SweepFigures figures;
   std::map<std::string, results::TaskInfo> known;  // by configuration
   for (const RunSpec& spec : specs) {
     const auto [entry, added] = known.try_emplace(CanonicalJson(spec));
     if (added) {
       try {
-        entry->second = ProbeRun(spec, ProbeDepth::kComponents, kProbeTimeoutSeconds).task;
+        const ProbeResult probe = ProbeRun(spec, ProbeDepth::kComponents, options);
+        entry->second = probe.task;
+        figures.memory_bytes =
+            std::max(figures.memory_bytes,
+                     static_cast<std::uint64_t>(EstimateRun(spec, probe).memory_bytes));
       } catch (const Failure& error) {
         if (error.code() == ExitCode::kUsage) throw;
-        entry->second = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+        entry->second = ProbeRun(spec, ProbeDepth::kTask, options).task;
       }
     }
-    tasks.push_back(entry->second);
+    figures.tasks.push_back(entry->second);
   }
-  return tasks;
+  return figures;
 }
 
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
@@ -255,9 +286,38 @@ RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {
       150 * (episodes + count(schedule.evaluations() * spec.run.Integer("eval_episodes") * 2)) +
       50 * scalars + 20000;
   // Two checkpoints are kept and a third is written before one goes.
-  estimate.file_bytes =
-      3 * (costs.checkpoint_bytes + costs.replay_row_bytes * count(schedule.replay_rows()));
+  estimate.checkpoint_bytes =
+      costs.checkpoint_bytes + costs.replay_row_bytes * count(schedule.replay_rows());
+  estimate.file_bytes = 3 * estimate.checkpoint_bytes;
+  if (probe.memory_bytes > 0) {
+    estimate.memory_bytes =
+        probe.memory_bytes + kDatabaseCacheBytes +
+        (spec.evaluation ? 0 : ReplayRowBytes(spec, probe.task) * count(schedule.replay_rows()));
+  }
   return estimate;
+}
+
+double SecondsToWrite(double bytes, const std::filesystem::path& database) {
+  std::filesystem::path folder = std::filesystem::absolute(database).parent_path();
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder.has_relative_path()) {
+    folder = folder.parent_path();
+  }
+  FileDescriptor file(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600));
+  if (file.get() < 0) {
+    std::string name = (folder / ".dreamsearch-XXXXXX").string();
+    file = FileDescriptor(::mkostemp(name.data(), O_CLOEXEC));
+    if (file.get() < 0) return 0;
+    ::unlink(name.c_str());
+  }
+  const std::string block(1 << 20, 'x');
+  const double begin = ActivityClock::Now();
+  double written = 0;
+  for (; written < std::min(bytes, kMostTrialBytes); written += static_cast<double>(block.size())) {
+    if (!WriteAll(file.get(), block)) return 0;
+  }
+  if (written == 0 || ::fsync(file.get()) != 0) return 0;
+  return (ActivityClock::Now() - begin) * std::max(1.0, bytes / written);
 }
 
 }  // namespace dreamsearch

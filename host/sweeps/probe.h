@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "host/settings/settings.h"
@@ -20,6 +21,7 @@ struct RunCosts {
   double actor_evaluation_decision = 0;
   double update = 0;
   double checkpoint_bytes = 0;  // without the replay
+  double model_save = 0;        // of them, without writing them
   double replay_row_bytes = 0;
 
   template <typename Archive>
@@ -30,6 +32,7 @@ struct RunCosts {
     (*archive)("actor_evaluation_decision", &actor_evaluation_decision);
     (*archive)("update", &update);
     (*archive)("checkpoint_bytes", &checkpoint_bytes);
+    (*archive)("model_save", &model_save);
     (*archive)("replay_row_bytes", &replay_row_bytes);
   }
 };
@@ -37,17 +40,21 @@ struct RunCosts {
 struct RunEstimate {
   double seconds = 0;
   double database_bytes = 0;
-  double file_bytes = 0;  // checkpoints, at their largest
+  double checkpoint_bytes = 0;  // the last, with its replay
+  double file_bytes = 0;        // checkpoints, at their largest
+  double memory_bytes = 0;      // resident
 };
 
 struct ProbeResult {
   results::TaskInfo task;
-  RunCosts costs;  // zero unless measured
+  RunCosts costs;           // zero unless measured
+  double memory_bytes = 0;  // resident, at most; zero unless components were made
 
   template <typename Archive>
   void Fields(Archive* archive) {
     (*archive)("task", &task);
     (*archive)("costs", &costs);
+    (*archive)("memory_bytes", &memory_bytes);
   }
 };
 
@@ -61,18 +68,27 @@ enum class ProbeDepth {
 // What every command grants a probe.
 inline constexpr double kProbeTimeoutSeconds = 120;
 
-// Throws Failure with the child's message and exit code; 71 if it crashed or
-// took longer than `timeout_seconds` of wall time.
-ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, double timeout_seconds);
+// Throws Failure with the child's message and exit code; 71 if it crashed, or took longer
+// than kProbeTimeoutSeconds of wall time or more memory than `options` give one run.
+ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, const ProcessOptions& options);
 
-// The tasks of a sweep, one a spec. Makes the components of every configuration once, so
+struct SweepFigures {
+  std::vector<results::TaskInfo> tasks;  // one a spec
+  std::uint64_t memory_bytes = 0;        // of the largest run, estimated; 0: unknown
+};
+
+// What a sweep's tasks are. Makes the components of every configuration once, so
 // that nothing is written for settings that do not go together: throws Failure 2 for
 // those, and what ProbeRun throws for an environment. Another fault of a model or a planner
 // is left to cost its own run.
-std::vector<results::TaskInfo> ProbeSweep(const std::vector<RunSpec>& specs);
+SweepFigures ProbeSweep(const std::vector<RunSpec>& specs, const ProcessOptions& options);
 
 // What the whole run takes at those costs.
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe);
+
+// Seconds to write so many bytes safely where `database` is or will be. Writes a part of them to
+// a file without a name, so that nothing is left. 0 if nothing can be written there.
+double SecondsToWrite(double bytes, const std::filesystem::path& database);
 
 // The child's side; reads the run from standard input, answers on descriptor 3.
 int ProbeMain();

@@ -164,7 +164,7 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   if (spec.evaluation && spec.evaluation->parent_run_id != 0) {
     job.work.agent_checkpoint = AgentCheckpoint(database, spec);
   }
-  job.work.memory_limit_bytes = options.memory_limit_bytes;
+  job.work.nice = options.nice;
   job.work.log_decisions = options.log_decisions;
   job.work.record_trees = options.record_trees;
   try {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -117,6 +118,53 @@ void KillSleepers(const Workplace& place) {
                                             "(select run_id from run where planner = "
                                             "'sleeping_planner' and status = 'running')")) {
     ::kill(std::stoi(pid), SIGKILL);
+  }
+}
+
+TEST(MemoryLimit, EndsTheRunThatTakesMoreAndTheSweepGoesOn) {
+  const Workplace place;
+  const ProgramResult result = place.Runner(
+      FaultyRun("hoarding_planner,dreamer", "dreamer", "f.db", {"--memory-limit", "400M"}));
+  EXPECT_EQ(result.exit_status, 71) << result.err;
+  EXPECT_EQ(place.Query("f.db", "select planner, status, exit_code from run order by planner"),
+            (std::vector<std::string>{"dreamer|finished|0", "hoarding_planner|killed|71"}))
+      << result.err;
+  EXPECT_NE(result.err.find("more than --memory-limit allows (419.4 MB)"), std::string::npos)
+      << result.err;
+}
+
+TEST(MemoryLimit, OfAJobOfSlurmIsWhatTheJobWasGiven) {
+  const Workplace place;
+  ::setenv("SLURM_MEM_PER_NODE", "400", 1);
+  const ProgramResult result =
+      place.Runner(FaultyRun("hoarding_planner", "dreamer", "f.db", {"--jobs", "1"}));
+  ::unsetenv("SLURM_MEM_PER_NODE");
+  EXPECT_EQ(result.exit_status, 71) << result.err;
+  EXPECT_NE(result.err.find("more than its share of what was free"), std::string::npos)
+      << result.err;
+}
+
+TEST(MemoryLimit, HoldsForTheProcessThatAsksComponentsToo) {
+  const Workplace place;
+  const ProgramResult result =
+      place.Runner(FaultyRun("dreamer", "dreamer", "f.db", {"--memory-limit", "10M"}));
+  EXPECT_EQ(result.exit_status, 71) << result.err;
+  EXPECT_NE(result.err.find("of memory, which is what one run may take"), std::string::npos)
+      << result.err;
+}
+
+TEST(Nice, LowersThePriorityOfWorkersOnlyIfAsked) {
+  for (const int nice : {0, 7}) {
+    const Workplace place;
+    std::vector<std::string> run = FaultyRun("sleeping_planner", "dreamer", "f.db");
+    if (nice != 0) run.insert(run.end(), {"--nice", std::to_string(nice)});
+    const pid_t pid = place.Start(run);
+    ASSERT_TRUE(WaitUntilItSleeps(place));
+    const int worker = std::stoi(place.Value("f.db", "select pid from segment"));
+    EXPECT_EQ(::getpriority(PRIO_PROCESS, static_cast<id_t>(worker)),
+              ::getpriority(PRIO_PROCESS, 0) + nice);
+    KillSleepers(place);
+    place.Wait(pid);
   }
 }
 

@@ -31,7 +31,17 @@ namespace {
   ::pause();
 }
 
-enum class Fault { kNan, kOutside, kThrow, kSegfault, kExit, kHang, kSleep, kSegfaultAtStop };
+enum class Fault {
+  kNan,
+  kOutside,
+  kThrow,
+  kSegfault,
+  kExit,
+  kHang,
+  kSleep,
+  kSegfaultAtStop,
+  kMemory
+};
 
 template <Fault kFault>
 class FaultyPlanner final : public Planner {
@@ -62,6 +72,11 @@ class FaultyPlanner final : public Planner {
         }
         break;
       }
+      case Fault::kMemory:
+        for (;;) {
+          hoard_.emplace_back(16 << 20, 'x');
+          ::usleep(1000);
+        }
       case Fault::kSleep:
         for (;;) AwaitSignal();
       case Fault::kSegfaultAtStop:
@@ -74,6 +89,9 @@ class FaultyPlanner final : public Planner {
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
   void Destroy() noexcept override { delete this; }
+
+ private:
+  std::vector<std::vector<char>> hoard_;
 };
 
 template <Fault kFault>
@@ -357,6 +375,7 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("exiting_planner", MakePlanner<Fault::kExit>),
     FaultyPlannerDescriptor("hanging_planner", MakePlanner<Fault::kHang>),
     FaultyPlannerDescriptor("sleeping_planner", MakePlanner<Fault::kSleep>),
+    FaultyPlannerDescriptor("hoarding_planner", MakePlanner<Fault::kMemory>),
     FaultyPlannerDescriptor("segfault_at_stop_planner", MakePlanner<Fault::kSegfaultAtStop>),
     FaultyPlannerDescriptor("null_planner", MakeNull),
     FaultyPlannerDescriptor("slow_planner", MakeSlow),

@@ -70,7 +70,9 @@ TEST(ParseOptions, FillsInTheDefaultsOfTheContract) {
   EXPECT_EQ(options.preset, "fast");
   EXPECT_TRUE(options.settings.empty());
   EXPECT_EQ(options.process.db, "results/dreamsearch.db");
-  EXPECT_GE(options.process.jobs, 1);
+  EXPECT_EQ(options.process.jobs, 0);  // what the cores and the memory allow
+  EXPECT_EQ(options.process.memory_limit_bytes, kShareOfMemory);
+  EXPECT_EQ(options.process.nice, 0);
   EXPECT_EQ(options.process.hang_timeout_seconds, 60);
   EXPECT_EQ(options.process.time_limit_seconds, 0);
   EXPECT_FALSE(options.process.retry || options.process.replace || options.process.dry_run);
@@ -290,7 +292,8 @@ TEST(RunnerHelp, NamesEveryFlagOfTheContract) {
         "--seed-list",    "--study",        "--preset",      "--steps",        "--set",
         "--config",       "--db",           "--plugin-path", "--jobs",         "--time-limit",
         "--memory-limit", "--hang-timeout", "--retry",       "--replace",      "--log-decisions",
-        "--record-trees", "--dry-run",      "--help",        "--version"}) {
+        "--record-trees", "--dry-run",      "--help",        "--version",      "--scratch",
+        "--nice"}) {
     EXPECT_NE(help.find(flag), std::string::npos) << flag;
   }
 }

@@ -50,6 +50,24 @@ TEST(WorkerEnd, AnExitIsTakenByItsCode) {
             ExitCode::kInterrupted, "time limit of 60 s reached");
 }
 
+TEST(WorkerEnd, TooMuchMemoryIsSaidWithItsLimitAndTheSameCommandResumes) {
+  WorkerCourse course;
+  course.log = "/runs/x/run.log";
+  course.stage = RunStage::kLearning;
+  course.killed = WorkerCourse::Killed::kMemory;
+  course.memory_bytes = 812000000;
+  course.memory_limit_bytes = 500000000;
+  const WorkerEnd shared = EndOf(course, SIGKILL);
+  ExpectEnd(shared, results::RunStatus::kKilled, ExitCode::kPluginCrashed,
+            "took 812 MB of memory while learning, more than its share of what was free");
+  EXPECT_NE(shared.error.find("(500 MB)"), std::string::npos) << shared.error;
+  EXPECT_NE(shared.error.find("the same command resumes it"), std::string::npos) << shared.error;
+  EXPECT_FALSE(results::HasFailed(shared.status));
+  course.memory_limit_given = true;
+  ExpectEnd(EndOf(course, SIGKILL), results::RunStatus::kKilled, ExitCode::kPluginCrashed,
+            "more than --memory-limit allows");
+}
+
 TEST(WorkerEnd, ACrashNamesTheSignalTheStageAndTheLastLineOfTheLog) {
   const std::string log = testing::TempDir() + "worker_end_test.log";
   std::ofstream(log) << "first\nlast words\n\n";

@@ -1,0 +1,49 @@
+// scratch.h - a database whose runs are worked on in a folder of this machine.
+//
+// The database and the files of its unfinished runs are copied to a folder below --scratch, worked
+// on there, and put back: from time to time, and at the end. Files go first and the database last,
+// by one rename, so that whoever is killed in between leaves the old state or the new one. After
+// a kill the copy stays, and the same command on the same machine goes on with it.
+//
+// Threads  one thread uses it.
+// Errors   Failure; 74 if the copy cannot be put back, and then it stays.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "results/system/file_descriptor.h"
+
+namespace dreamsearch {
+
+class Scratch {
+ public:
+  // Brings the copy up to date: new, or what a killed command left, with what others have
+  // written to `database` since. Failure 74 if another command works on the copy.
+  Scratch(const std::filesystem::path& database, const std::filesystem::path& scratch);
+
+  // The copy.
+  std::string database() const { return (folder_ / database_.filename()).string(); }
+
+  // May be called while workers write to the copy.
+  void PutBack();
+  // The same if it has not been done for a while. What goes wrong is said once, and tried again.
+  void PutBackIfDue();
+  // Puts back and removes the copy.
+  void Finish();
+
+ private:
+  void TakeFiles();
+  void Stage(const std::filesystem::path& stage) const;
+  [[noreturn]] void FailWith(const std::string& why, int code) const;
+
+  std::filesystem::path database_;  // absolute
+  std::filesystem::path folder_;    // of the copy
+  FileDescriptor lock_;
+  std::string expected_;  // what the database was when it was last copied (results::Fingerprint)
+  double put_back_at_ = 0;
+  double put_back_seconds_ = 0;  // the last time
+  bool said_ = false;
+};
+
+}  // namespace dreamsearch
