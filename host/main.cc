@@ -41,7 +41,7 @@ Program Runner() {
           .root = RunCommand(),
           .commands = {ListCommand(), DescribeCommand(), StatusCommand(), ResumeCommand(),
                        EvalCommand(), VerifyCommand(), ExportCommand(), ExplainCommand(),
-                       RenderCommand(), SubmitCommand()},
+                       RenderCommand(), SubmitCommand(), WatchCommand()},
           .internal = {{"worker", own(WorkerMain)},
                        {"probe", own(ProbeMain)},
                        {"export-model", own(ExportModelMain)},

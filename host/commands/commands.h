@@ -19,6 +19,7 @@ Command RunCommand();  // without a command's name
 Command StatusCommand();
 Command SubmitCommand();
 Command VerifyCommand();
+Command WatchCommand();
 
 // Child processes, which load the plugins.
 int ExplainDecisionMain();
