@@ -123,6 +123,18 @@ class Cluster:
     def ask(self, *words):
         return subprocess.run(words, capture_output=True, text=True).stdout
 
+    def lose_node(self, processes):
+        """As a power cut: its daemon and these processes are gone at once. Then it is there again."""
+        for pid in [self.daemons["slurmd"].pid, *processes]:
+            os.kill(pid, signal.SIGKILL)
+        self.daemons.pop("slurmd").wait()
+        host = socket.gethostname().split(".")[0]
+        self.ask("scontrol", "update", f"nodename={host}", "state=down", "reason=lost")
+        self.wait("a lost node", lambda: "down" in self.ask("sinfo", "--noheader", "--format=%T"))
+        self.start("slurmd", "-D")
+        self.ask("scontrol", "update", f"nodename={host}", "state=resume")
+        self.wait("a node", lambda: "down" not in self.ask("sinfo", "--noheader", "--format=%T"))
+
     def check_loopback(self):
         own = {f"pid={daemon.pid}," for daemon in self.daemons.values()}
         lines = [line for line in self.ask("ss", "-ltnpH").splitlines()

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Twelve runs on a real Slurm, one requeued, one killed and one that fails.
+"""Twelve runs on a real Slurm, one requeued, one killed and one that fails; and four more, one of
+which comes to its time limit before the node is lost.
 
 sweep_test.py BIN FAULTY starts a cluster of this machine, submits with BIN/runner, with the test
 plugins of the folder FAULTY, and compares with the same runs done here. Ends with 77 where Slurm is
@@ -30,11 +31,11 @@ SETTINGS = ["run.prefill_steps=1000", "run.pretrain_updates=4", "run.train_every
 
 
 class Sweep:
-    def __init__(self, binaries, faulty, folder):
+    def __init__(self, binaries, faulty, folder, name="the sweep 100%j"):
         self.binaries = pathlib.Path(binaries).resolve()
         self.faulty = str(pathlib.Path(faulty).resolve())
         # A space, and what Slurm would expand in a file name.
-        self.folder = folder / "the sweep 100%j"
+        self.folder = folder / name
         self.place = folder
 
     def flags(self, planner, steps, more=()):
@@ -158,6 +159,56 @@ def test(sweep):
     print(f"{good} runs, each once, with the digests of a local sweep")
 
 
+def parents(pid):
+    """From the worker up to Slurm's own process: worker, runner, batch script, step."""
+    found = [pid]
+    while len(found) < 4:
+        status = pathlib.Path(f"/proc/{found[-1]}/status").read_text()
+        found.append(int(re.search(r"^PPid:\s*(\d+)", status, re.M)[1]))
+    return found
+
+
+def test_limits(sweep, slurm):
+    """A time limit, and a node that is lost; all with one instruction set."""
+    count, steps, instructions = 4, 12000, "x86-64"
+    flags = ["--seeds", str(count), "--instruction-set", instructions]
+    assert len(sweep.submit("random", steps, *flags)) == 2
+
+    # A stopped process lasts until it is asked to end, which lets it go on.
+    limited, pid, database = until("a run to limit", lambda: active(sweep))[0]
+    os.kill(pid, signal.SIGSTOP)
+    subprocess.run(["scontrol", "update", f"jobid={limited}", "timelimit=1"], check=True)
+    ends = "SELECT end_reason FROM segment WHERE segment = 0 AND ended_utc IS NOT NULL"
+    until("the warning before the time limit", lambda: sweep.query(database, ends))
+    subprocess.run(["scontrol", "update", f"jobid={limited}", "timelimit=60"], check=True)
+    print(f"{limited} came to its time limit")
+
+    lost, pid, lost_database = until("a run on the node that is lost",
+                                     lambda: [each for each in active(sweep)])[0]
+    family = parents(pid)
+    names = [pathlib.Path(f"/proc/{each}/comm").read_text().strip() for each in family]
+    assert names[-1].startswith("slurmstepd"), names
+    slurm.lose_node(reversed(family))
+    print(f"lost the node of {lost}")
+    until("the merge job's end", lambda: not queue())
+
+    segments = sweep.query(database, "SELECT end_reason, from_env_step, slurm_restarts FROM segment"
+                           " ORDER BY segment")
+    assert segments[0][0] == "interrupted" and segments[1][1] >= 1000, segments
+    segments = sweep.query(lost_database, "SELECT from_env_step, slurm_restarts, slurm_job FROM"
+                           " segment ORDER BY segment")
+    assert segments[-1][0] >= 1000 and segments[-1][1] >= 1 and segments[-1][2] == lost, segments
+    everything = sweep.folder / "all.db"
+    sets = sweep.query(everything, "SELECT DISTINCT instruction_set FROM segment")
+    assert sets == [(instructions,)], sets
+    os.environ["DREAMSEARCH_INSTRUCTION_SET"] = instructions
+    sweep.call("runner", "--db", "limits.db", *sweep.flags("random", steps, flags[:2]))
+    del os.environ["DREAMSEARCH_INSTRUCTION_SET"]
+    expected, found = digests(sweep.place / "limits.db"), digests(everything)
+    assert len(expected) == count and found == expected, (expected, found)
+    print(f"{count} runs, each once, with the digests of a local sweep on {instructions}")
+
+
 def measure(sweep, count):
     flags = sweep.flags("random", 500, ["--seeds", str(count)])
     begun = time.monotonic()
@@ -189,13 +240,15 @@ def main():
     binaries, faulty = sys.argv[1:3]
     with tempfile.TemporaryDirectory(prefix="slurm-") as name:
         place = pathlib.Path(name)
-        with cluster.Cluster(place):
+        with cluster.Cluster(place) as slurm:
             sweep = Sweep(binaries, faulty, place)
             try:
                 if sys.argv[3:4] == ["--measure"]:
                     measure(sweep, int(sys.argv[4]))
                 else:
                     test(sweep)
+                    sweep = Sweep(binaries, faulty, place, "limits")
+                    test_limits(sweep, slurm)
             except BaseException:
                 if sweep.folder.exists():
                     print(sweep.log())
