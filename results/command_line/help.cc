@@ -12,12 +12,6 @@ namespace {
 constexpr std::size_t kWidth = 96;
 constexpr std::size_t kWidestFirstColumn = 24;
 
-std::string Lines(const std::string& heading, const std::vector<std::string>& lines) {
-  std::string text = "\n" + heading + "\n";
-  for (const std::string& line : lines) text += "  " + line + "\n";
-  return text;
-}
-
 std::string ArgumentUsage(const Flag& argument) {
   std::string text = argument.value_name;
   if (argument.value.takes == FlagValue::Takes::kTexts) text += "...";
@@ -47,10 +41,10 @@ std::pair<std::string, std::string> Row(const Flag& flag) {
   return {name, text};
 }
 
-std::string Flags(const std::string& heading, const std::vector<Flag>& flags) {
-  std::vector<std::pair<std::string, std::string>> rows;
-  for (const Flag& flag : flags) rows.push_back(Row(flag));
-  return TwoColumns(heading, rows);
+HelpPart Flags(const std::string& heading, const std::vector<Flag>& flags) {
+  HelpPart part = {heading};
+  for (const Flag& flag : flags) part.rows.push_back(Row(flag));
+  return part;
 }
 
 }  // namespace
@@ -73,17 +67,37 @@ std::string TwoColumns(const std::string& heading,
   return text;
 }
 
-std::string HelpText(const CommandSpec& spec) {
-  std::string text = spec.name + " - " + spec.summary + "\n" + Lines("Usage", Usage(spec));
-  if (!spec.examples.empty()) text += Lines("Examples", spec.examples);
+std::vector<HelpPart> HelpParts(const CommandSpec& spec) {
+  std::vector<HelpPart> parts = {{.heading = kUsageHeading, .lines = Usage(spec)}};
+  if (!spec.examples.empty()) {
+    parts.push_back({.heading = kExamplesHeading, .lines = spec.examples});
+  }
+  HelpPart about;
   std::istringstream paragraphs(spec.about);
   for (std::string paragraph; std::getline(paragraphs, paragraph);) {
-    text += "\n" + WrapText(paragraph, kWidth, 0) + "\n";
+    about.paragraphs.push_back(paragraph);
   }
-  if (!spec.arguments.empty()) text += Flags("Arguments", spec.arguments);
-  for (const FlagGroup& group : spec.groups) text += Flags(group.title, group.flags);
-  return text + TwoColumns("General",
-                           {{"-h, --help", "show this text"}, {"--version", "show the version"}});
+  if (!about.paragraphs.empty()) parts.push_back(about);
+  if (!spec.arguments.empty()) parts.push_back(Flags("Arguments", spec.arguments));
+  for (const FlagGroup& group : spec.groups) parts.push_back(Flags(group.title, group.flags));
+  parts.push_back({.heading = "General",
+                   .rows = {{"-h, --help", "show this text"}, {"--version", "show the version"}}});
+  return parts;
+}
+
+std::string HelpText(const CommandSpec& spec, const std::vector<HelpPart>& parts) {
+  std::string text = spec.name + " - " + spec.summary + "\n";
+  for (const HelpPart& part : parts) {
+    if (!part.lines.empty()) {
+      text += "\n" + part.heading + "\n";
+      for (const std::string& line : part.lines) text += "  " + line + "\n";
+    }
+    for (const std::string& paragraph : part.paragraphs) {
+      text += "\n" + WrapText(paragraph, kWidth, 0) + "\n";
+    }
+    if (!part.rows.empty()) text += TwoColumns(part.heading, part.rows);
+  }
+  return text;
 }
 
 }  // namespace dreamsearch

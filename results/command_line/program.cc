@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "results/command_line/help.h"
+#include "results/command_line/man_page.h"
 #include "results/system/error.h"
 #include "results/text/names.h"
 #include "results/text/text.h"
@@ -12,7 +13,7 @@
 namespace dreamsearch {
 namespace {
 
-std::string ExitStatusHelp() {
+HelpPart ExitStatusPart() {
   const std::pair<ExitCode, const char*> meanings[] = {
       {ExitCode::kOk, "everything was done"},
       {ExitCode::kUsage, "the command line is wrong"},
@@ -29,11 +30,11 @@ std::string ExitStatusHelp() {
       {ExitCode::kInterrupted, "stopped; the same command resumes"},
       {ExitCode::kPermission, "no permission"},
       {ExitCode::kVerificationFailed, "stored and recomputed results differ"}};
-  std::vector<std::pair<std::string, std::string>> rows;
+  HelpPart part = {"Exit status"};
   for (const auto& [code, meaning] : meanings) {
-    rows.emplace_back(std::to_string(static_cast<int>(code)), meaning);
+    part.rows.emplace_back(std::to_string(static_cast<int>(code)), meaning);
   }
-  return TwoColumns("Exit status", rows);
+  return part;
 }
 
 // Whether one of the words asks for it; what follows `--` asks for nothing.
@@ -60,13 +61,20 @@ int RunCommand(const Program& program, const Command& command, const std::string
 
 }  // namespace
 
-std::string ProgramHelp(const Program& program) {
-  std::vector<std::pair<std::string, std::string>> rows;
+std::vector<HelpPart> ProgramHelpParts(const Program& program) {
+  std::vector<HelpPart> parts = HelpParts(program.root.spec);
+  HelpPart commands = {"Commands"};
   for (const Command& command : program.commands) {
-    rows.emplace_back(command.name(), command.spec.summary);
+    commands.rows.emplace_back(command.name(), command.spec.summary);
   }
-  rows.emplace_back("COMMAND --help", "says more about a command");
-  return HelpText(program.root.spec) + TwoColumns("Commands", rows) + ExitStatusHelp();
+  commands.rows.emplace_back("COMMAND --help", "says more about a command");
+  parts.push_back(commands);
+  parts.push_back(ExitStatusPart());
+  return parts;
+}
+
+std::string ProgramHelp(const Program& program) {
+  return HelpText(program.root.spec, ProgramHelpParts(program));
 }
 
 int RunProgram(const Program& program, const Words& words) {
@@ -80,6 +88,10 @@ int RunProgram(const Program& program, const Words& words) {
   const Words rest(words.begin() + 1, words.end());
   if (const auto own = program.internal.find(words[0]); own != program.internal.end()) {
     return own->second(rest);
+  }
+  if (words[0] == "man-pages" && rest.size() == 1) {
+    WriteManPages(program, rest[0]);
+    return static_cast<int>(ExitCode::kOk);
   }
   if (words[0] == "help") {
     std::cout << ProgramHelp(program);

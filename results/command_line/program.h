@@ -1,7 +1,8 @@
 // program.h - a program with commands: which one is meant, and how it ends.
 //
 // `-h`, `--help` and `--version` are answered here, for the program and for every command,
-// before anything else is read. Results go to standard output, messages to standard error.
+// before anything else is read. `man-pages FOLDER`, in no help, writes the manual pages there
+// (man_page.h). Results go to standard output, messages to standard error.
 #pragma once
 
 #include <functional>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "results/command_line/command.h"
+#include "results/command_line/help.h"
 
 namespace dreamsearch {
 
@@ -27,7 +29,8 @@ struct Program {
 // command that does not exist.
 int RunProgram(const Program& program, const Words& words);
 
-// The text of `PROGRAM --help`.
+// What `PROGRAM --help` says: of the program itself, its commands and its exit status.
+std::vector<HelpPart> ProgramHelpParts(const Program& program);
 std::string ProgramHelp(const Program& program);
 
 // The body of a program's main: what `work` returns, or the exit status of the Failure that
