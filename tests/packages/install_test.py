@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""An installation works without the tree that it was built in, and so does a plugin built against it.
+"""An installation works without the tree it was built in, and so does a plugin built against it.
 
 install_test.py SOURCE BUILD installs into a folder with spaces, hides SOURCE, and tries. Ends with
 77 where folders cannot be hidden.
@@ -24,7 +24,8 @@ def builds_a_plugin(machine, prefix, folder):
     """find_package and dreamsearch_add_plugin, outside the tree. The plugin's path."""
     shutil.copytree(HERE / "outside/still", folder / "outside")
     machine.call("cmake", "-S", folder / "outside", "-B", folder / "outside/build",
-                 "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS=-march=x86-64-v3 -D_GLIBCXX_ASSERTIONS",
+                 "-DCMAKE_BUILD_TYPE=Release",
+                 "-DCMAKE_CXX_FLAGS=-march=x86-64-v3 -D_GLIBCXX_ASSERTIONS",
                  "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", f"-DCMAKE_PREFIX_PATH={prefix}")
     machine.call("cmake", "--build", folder / "outside/build")
     plugin = folder / "outside/build/still.so"

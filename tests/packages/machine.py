@@ -1,4 +1,4 @@
-"""Where the programs of a package are called: this machine with some folders hidden, or another root.
+"""Where the programs of a package are called: this machine without a folder, or another root.
 
 What a program finds only because the build tree is there, it does not find here.
 """
