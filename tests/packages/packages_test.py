@@ -7,11 +7,13 @@ a minimal Debian 13, in a new virtual environment. tests/packages/run.sh makes t
 77 if something could not be tried here, and says what.
 """
 import gzip
+import hashlib
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 
 sys.dont_write_bytecode = True
 import promises
@@ -158,13 +160,87 @@ def try_tarball(packages, host):
     shutil.rmtree(sdk)
 
 
-TRIALS = {"deb": try_deb, "tarball": try_tarball}
+def from_pypi(machine, python, *packages):
+    """Installs them, or says that they cannot be had."""
+    done = machine.start([python, "-m", "pip", "install", "-q", *packages], "/tmp")
+    if done.returncode != 0:
+        raise Unavailable(f"{' '.join(packages)} from PyPI: {done.stderr.strip()[-300:]}")
+
+
+def worlds():
+    """The versions of dm_control and others that are known to go together, written in one place."""
+    script = (SOURCE / "tests/plugins/env_gym/install_worlds.sh").read_text()
+    return re.search(r"^packages=\((.*)\)$", script, re.M)[1].split()
+
+
+def try_wheel(packages, host):
+    """A new virtual environment: programs on the path, tables, agents in dm_control and Gymnasium."""
+    wheel = only(packages, "*.whl")
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name).resolve()
+        venv = folder / "a virtual environment"
+        host.call("python3", "-m", "venv", venv)
+        python = venv / "bin/python"
+        from_pypi(host, python, "pandas", *worlds())
+        host.call(python, "-m", "pip", "install", "-q", "--no-index", wheel)
+        carries_nothing_of_the_system(venv)
+        place = folder / "a place of work"
+        place.mkdir()
+        promises.lists_every_plugin(host, venv / "bin", cwd=place)
+        promises.trains_and_reads(host, venv / "bin", place)
+        promises.has_man_pages(host, venv / "bin", unpacked_man_page(venv / "share/man/man1"))
+        plugin = builds_a_plugin(host, folder / "still", f"-DCMAKE_PREFIX_PATH={venv}")
+        promises.loads(host, venv / "bin", plugin, place)
+        # The module's own tests, on what is installed.
+        shutil.copytree(SOURCE / "tests/python", folder / "tests")
+        for test in ("agent", "tables", "worlds"):
+            print(host.call(python, folder / f"tests/{test}_test.py", venv / "bin", cwd=place),
+                  end="", flush=True)
+        host.call(python, "-m", "pip", "uninstall", "-q", "-y", "dreamsearch")
+        assert not list(venv.rglob("*dreamsearch*")) and not (venv / "bin/runner").exists()
+
+    with fresh("trixie", packages) as machine:  # a newer Python
+        shutil.copy(wheel, machine.path("/root"))
+        machine.call("apt-get", "update", "-qq")
+        machine.call(*INSTALL, "python3-venv")
+        machine.call("python3", "-m", "venv", "/root/new")
+        from_pypi(machine, "/root/new/bin/python", f"/root/{wheel.name}")
+        promises.lists_every_plugin(machine, "/root/new/bin")
+        promises.trains_and_reads(machine, "/root/new/bin", "/root")
+        machine.call("/root/new/bin/python", "-c",
+                     "import dreamsearch; assert len(dreamsearch.read('v_run')) == 2", cwd="/root")
+
+
+def carry_the_same_plugins(packages):
+    """So that a run of one package resumes under another: its record has the plugins' digests."""
+    digests = {}
+    with tempfile.TemporaryDirectory() as name:
+        for pattern, unpack in (("*.deb", ["dpkg-deb", "-x"]), ("*.tar.gz", ["tar", "-xf"]),
+                                ("*.whl", ["unzip", "-q"])):
+            for package in packages.glob(pattern):
+                folder = pathlib.Path(name) / package.name
+                folder.mkdir()
+                target = {"dpkg-deb": [folder], "tar": ["-C", folder], "unzip": ["-d", folder]}
+                subprocess.run([*unpack, package, *target[unpack[0]]], check=True)
+                digests[package.name] = {
+                    path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+                    for path in folder.rglob("lib/dreamsearch/plugins/*.so")}
+    first, *others = digests.values()
+    assert len(first) >= 11, digests
+    for name, other in digests.items():
+        differing = [plugin for plugin in first if first[plugin] != other.get(plugin)]
+        assert not differing, f"{name}: {differing}"
+    print(f"{', '.join(digests)}: the same {len(first)} plugins, to the byte")
+
+
+TRIALS = {"deb": try_deb, "tarball": try_tarball, "wheel": try_wheel}
 
 
 def main():
     packages = pathlib.Path(sys.argv[1]).resolve()
     host = Machine(hidden=SOURCE)
     skipped = False
+    carry_the_same_plugins(packages)
     for name in sys.argv[2:] or TRIALS:
         try:
             TRIALS[name](packages, host)

@@ -10,6 +10,8 @@ from machine import Machine
 
 MIRROR = "http://deb.debian.org/debian"
 
+CERTIFICATES = "etc/ssl/certs/ca-certificates.crt"
+
 
 class Unavailable(Exception):
     """What keeps a test from running here."""
@@ -41,8 +43,11 @@ def fresh(release, folder):
     with tempfile.TemporaryDirectory(dir=folder) as name:
         root = pathlib.Path(name)
         subprocess.run(["tar", "-C", root, "-xf", path], check=True)
+        # The network as it is here.
         shutil.copy("/etc/resolv.conf", root / "etc/resolv.conf")
-        machine = Machine(root=root)
+        (root / CERTIFICATES).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(f"/{CERTIFICATES}", root / CERTIFICATES)
+        machine = Machine(root=root, environment={"PIP_CERT": f"/{CERTIFICATES}"})
         if machine.missing():
             raise Unavailable(machine.missing())
         yield machine
