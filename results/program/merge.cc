@@ -1,7 +1,11 @@
 // results merge - how do the runs of several machines come into one database?
 #include "results/upkeep/merge.h"
 
+#include <sys/resource.h>
+
 #include <iostream>
+#include <memory>
+#include <vector>
 
 #include "results/program/commands.h"
 #include "results/program/selection.h"
@@ -12,6 +16,12 @@
 namespace dreamsearch::results {
 
 namespace {
+
+// A database takes three descriptors, and others are needed as well.
+std::size_t MostOpen() {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? static_cast<std::size_t>(limit.rlim_cur) / 4 : 0;
+}
 
 struct MergeDatabases {
   std::string db = kDefaultDatabase;
@@ -32,12 +42,19 @@ struct MergeDatabases {
 };
 
 int MergeDatabases::Run() {
-  // Before anything is written.
-  for (const std::string& source : sources) Database::OpenReadOnly(source);
+  // Before anything is written. As many stay open as descriptors allow.
+  std::vector<std::unique_ptr<Database>> opened;
+  for (const std::string& source : sources) {
+    opened.push_back(Database::OpenReadOnly(source));
+    if (opened.size() > MostOpen()) opened.back().reset();
+  }
   const auto target = Database::OpenOrCreate(db);
   for (const std::string& warning : target->warnings()) std::cerr << "warning: " << warning << "\n";
-  for (const std::string& source : sources) {
-    const MergeResult result = Merge(target.get(), source);
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const std::string& source = sources[i];
+    if (opened[i] == nullptr) opened[i] = Database::OpenReadOnly(source);
+    const MergeResult result = Merge(target.get(), opened[i].get());
+    opened[i].reset();
     for (const std::string& note : result.notes) std::cerr << "note: " << Printable(note) << "\n";
     std::cout << AbsolutePath(source) << ": " << result.added << " runs added, " << result.replaced
               << " replaced, " << result.kept << " kept as they were; " << GroupDigits(result.rows)

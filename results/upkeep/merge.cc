@@ -11,6 +11,7 @@
 
 #include "results/system/error.h"
 #include "results/text/table.h"
+#include "results/upkeep/run_copies.h"
 #include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
@@ -89,8 +90,8 @@ class ForeignKeysTrusted {
 
 class Merger {
  public:
-  Merger(Database* target, const std::string& source)
-      : target_(target), db_(target->connection()), source_(Database::OpenReadOnly(source)) {}
+  Merger(Database* target, Database* source)
+      : target_(target), db_(target->connection()), source_(source) {}
 
   MergeResult Run() {
     if (source_->path() == target_->path()) {
@@ -272,45 +273,13 @@ class Merger {
     return target_->Plugin(source_->GetPlugin(*id));
   }
 
-  // Statements that copy the rows of a run, ?1 in the source and ?2 here, in the order of their
-  // keys, so that rows are appended. Their tables and columns are those of the schema, less what
-  // triggers make.
   void PrepareCopies() {
-    const std::map<std::string, std::string> mapped = {
-        {"segment.host_id", "(SELECT new FROM temp.host_map WHERE old = host_id)"},
-        {"segment.build_id", "(SELECT new FROM temp.build_map WHERE old = build_id)"},
-        {"scalar.metric_id", "?4"},
-        {"artifact.path", "merged_path(path)"}};
-    Statement tables = db_.Prepare(
-        "SELECT t.name FROM main.sqlite_schema t WHERE t.type = 'table' AND t.name NOT IN ('run',"
-        " 'curve_bin') AND EXISTS (SELECT 1 FROM pragma_table_info(t.name, 'main') c WHERE"
-        " c.name = 'run_id') ORDER BY t.name");
-    while (tables.Step()) {
-      const std::string table = tables.Text(0);
-      tables_.push_back(table);
-      Statement columns = db_.Prepare(
-          "SELECT name FROM pragma_table_info(?1, 'main') WHERE name <> 'run_id' ORDER BY cid");
-      Statement keys =
-          db_.Prepare("SELECT name FROM pragma_table_info(?1, 'main') WHERE pk > 0 ORDER BY pk");
-      std::string into = "INSERT INTO main." + table + " (run_id";
-      std::string from = ") SELECT ?2";
-      columns.Bind(table);
-      while (columns.Step()) {
-        const std::string column = columns.Text(0);
-        const auto other = mapped.find(table + "." + column);
-        into += ", " + column;
-        from += ", " + (other != mapped.end() ? other->second : column);
-      }
-      std::string order;
-      keys.Bind(table);
-      while (keys.Step()) order += (order.empty() ? "" : ", ") + keys.Text(0);
-      const bool scalar = table == "scalar";
-      Statement copy = db_.Prepare(into + from + " FROM source." + table + " WHERE run_id = ?1" +
-                                   (scalar ? " AND metric_id = ?3" : "") + " ORDER BY " + order);
-      if (scalar) {
-        copy_scalars_ = std::move(copy);
+    for (const RunCopy& copy : RunCopies(db_)) {
+      tables_.push_back(copy.table);
+      if (copy.table == kScalarTable) {
+        copy_scalars_ = db_.Prepare(copy.sql);
       } else {
-        copies_.push_back(std::move(copy));
+        copies_.push_back(db_.Prepare(copy.sql));
       }
     }
   }
@@ -367,7 +336,7 @@ class Merger {
 
   Database* target_;
   Connection& db_;
-  std::unique_ptr<Database> source_;
+  Database* source_;
   std::map<std::int64_t, std::int64_t> metrics_;  // metric_id of the target to the source's
   std::vector<std::string> tables_;               // of what a run recorded
   std::vector<Statement> copies_;                 // one a table
@@ -378,8 +347,10 @@ class Merger {
 
 }  // namespace
 
+MergeResult Merge(Database* target, Database* source) { return Merger(target, source).Run(); }
+
 MergeResult Merge(Database* target, const std::string& source) {
-  return Merger(target, source).Run();
+  return Merge(target, Database::OpenReadOnly(source).get());
 }
 
 }  // namespace dreamsearch::results

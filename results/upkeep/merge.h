@@ -27,5 +27,7 @@ struct MergeResult {
 // they are; their paths become absolute.
 //   Failure 65  a task has other values in the two databases.
 MergeResult Merge(Database* target, const std::string& source);
+// The same of one that is open.
+MergeResult Merge(Database* target, Database* source);
 
 }  // namespace dreamsearch::results

@@ -59,8 +59,8 @@ TEST(WorkerEnd, TooMuchMemoryIsSaidWithItsLimitAndTheSameCommandResumes) {
   course.memory_limit_bytes = 500000000;
   const WorkerEnd shared = EndOf(course, SIGKILL);
   ExpectEnd(shared, results::RunStatus::kKilled, ExitCode::kPluginCrashed,
-            "took 812 MB of memory while learning, more than its share of what was free");
-  EXPECT_NE(shared.error.find("(500 MB)"), std::string::npos) << shared.error;
+            "took 812.0 MB of memory while learning, more than its share of what was free");
+  EXPECT_NE(shared.error.find("(500.0 MB)"), std::string::npos) << shared.error;
   EXPECT_NE(shared.error.find("the same command resumes it"), std::string::npos) << shared.error;
   EXPECT_FALSE(results::HasFailed(shared.status));
   course.memory_limit_given = true;
