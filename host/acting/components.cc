@@ -76,6 +76,11 @@ void CheckEnvironment(const EnvironmentSpec& spec, const ResolvedComponent& comp
                  spec.control_seconds, "more than 0");
   declared.Check(spec.substeps > 0, "substeps", spec.substeps, "at least 1");
   declared.Check(spec.episode_steps > 0, "episode_steps", spec.episode_steps, "at least 1");
+  for (std::uint64_t i = 0; i < spec.ingredients.size; ++i) {
+    const Ingredient& ingredient = spec.ingredients[i];
+    declared.Check(ingredient.name != nullptr && ingredient.value != nullptr,
+                   "ingredients[" + std::to_string(i) + "]", "null", "a name and a value");
+  }
   declared.Check(std::isfinite(spec.return_low), "return_low", spec.return_low, "a finite number");
   declared.Check(std::isfinite(spec.return_high) && spec.return_high >= spec.return_low,
                  "return_high", spec.return_high, "a finite number, not below return_low");
@@ -92,6 +97,14 @@ void CheckModel(const Model& model, const EnvironmentSpec& environment,
 }
 
 }  // namespace
+
+std::map<std::string, std::string> IngredientsOf(const EnvironmentSpec& spec) {
+  std::map<std::string, std::string> ingredients;
+  for (const Ingredient& ingredient : spec.ingredients) {
+    ingredients[ingredient.name] = ingredient.value;
+  }
+  return ingredients;
+}
 
 void ThrowUnlessOk(const Status& status, const std::string& what) {
   if (status.ok()) return;
@@ -144,6 +157,12 @@ EnvironmentPtr Components::MakeEnvironment() const {
   const Status status = environment_->create_environment(context, &environment);
   EnvironmentPtr made(FactoryResult(status, environment, "environment", spec_.environment.name()));
   CheckEnvironment(made->spec(), spec_.environment);
+  if (!spec_.environment.ingredients.empty()) {
+    ResolvedComponent now = spec_.environment;
+    now.ingredients = IngredientsOf(made->spec());
+    const std::string change = IngredientChange(now, spec_.environment.ingredients);
+    if (!change.empty()) throw Failure(ExitCode::kPluginRefused, change);
+  }
   return made;
 }
 

@@ -2,11 +2,12 @@
 //
 // Owns the objects that plugins handed out and destroys them in the right order.
 // Errors of a factory become Failure with the component's name: 2 when it
-// refuses the settings, 69 when what it made says something impossible about itself,
-// 70 otherwise.
+// refuses the settings, 69 when what it made says something impossible about itself or is
+// not what the run was resolved with, 70 otherwise.
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -38,6 +39,9 @@ void SaveModel(const Model& model, const std::string& name, CheckpointWriter* wr
 void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* model);
 // SHA-256 of what the model's Save wrote into the checkpoint.
 std::string ModelSha256(const Checkpoint& checkpoint);
+
+// EnvironmentSpec::ingredients, owned.
+std::map<std::string, std::string> IngredientsOf(const EnvironmentSpec& spec);
 
 // The components of one run, loaded from the plugins that its RunSpec names.
 class Components {

@@ -101,7 +101,7 @@ std::string TraitsText(const ComponentInfo& component) {
   return JoinNames(names);
 }
 
-// What a model asks of the runner.
+// What a model or an environment asks of the runner.
 void PrintRunPresets(const ComponentInfo& component) {
   if (component.run_presets.empty()) return;
   std::cout << "\nits values of the runner's own parameters (`runner describe run`), below "

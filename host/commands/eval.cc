@@ -93,6 +93,8 @@ int Eval::Run(const Words& words) {
   const std::string db = options.process.db.string();
   std::unique_ptr<results::Database> database;
   std::vector<RunSpec> specs;
+  std::string trained_name;
+  std::map<std::string, std::string> ingredients;  // of the trained run
   if (!evaluation.run.empty()) {
     database = results::Database::OpenExisting(db);
     const TrainedRun trained =
@@ -101,14 +103,23 @@ int Eval::Run(const Words& words) {
       std::cerr << "warning: " << warning << "\n";
     }
     specs = EvaluationsOf(trained, options);
+    trained_name = RunName(trained);
+    ingredients = trained.ingredients;
     std::cerr << RunName(trained) << " after " << GroupDigits(trained.env_step)
               << " environment steps of training\n";
   } else {
     const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
-  const SweepFigures figures = ProbeSweep(specs, options.process);
+  const SweepFigures figures = ProbeSweep(&specs, options.process);
   const std::vector<results::TaskInfo>& tasks = figures.tasks;
+  for (const std::string& notice : figures.notices) std::cerr << "note: " << notice << "\n";
+  const std::string changed =
+      ingredients.empty() ? "" : IngredientChange(specs.front().environment, ingredients);
+  if (!changed.empty()) {
+    std::cerr << "warning: " << trained_name << " was trained in another world: " << changed
+              << "\n";
+  }
   if (database == nullptr) database = results::Database::OpenOrCreate(db);
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";

@@ -46,19 +46,24 @@ const char* SweepActionText(SweepAction action) {
   return "";
 }
 
-// Measures each configuration once.
-std::vector<ProbeResult> MeasureAll(const std::vector<RunSpec>& specs,
-                                    const ProcessOptions& options) {
+void SayNotice(const std::string& notice) { std::cerr << "note: " << notice << "\n"; }
+
+// Measures each configuration once, and takes what its environment is made of.
+std::vector<ProbeResult> MeasureAll(std::vector<RunSpec>* specs, const ProcessOptions& options) {
   std::map<std::string, ProbeResult> known;
+  std::set<std::string> said;
   std::vector<ProbeResult> results;
-  for (const RunSpec& spec : specs) {
+  for (RunSpec& spec : *specs) {
     const std::string key = CanonicalJson(spec);
     auto found = known.find(key);
     if (found == known.end()) {
       std::cerr << "measuring " << spec.environment.task() << ", " << spec.planner.name() << " ..."
                 << std::endl;
       found = known.emplace(key, ProbeRun(spec, ProbeDepth::kCosts, options)).first;
+      const std::string& notice = found->second.notice;
+      if (!notice.empty() && said.insert(notice).second) SayNotice(notice);
     }
+    spec.environment.ingredients = found->second.ingredients;
     results.push_back(found->second);
   }
   return results;
@@ -229,7 +234,7 @@ struct Train {
 
 int Train::Run(const Words& words) {
   const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
-  const std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
+  std::vector<RunSpec> specs = ResolveMatrix(options, catalogue);
   WarnOfNoLearning(specs);
   const bool exists = std::filesystem::exists(options.process.db);
 
@@ -237,11 +242,12 @@ int Train::Run(const Words& words) {
     results::Database::CheckWritable(options.process.db.string());
     const auto database =
         exists ? results::Database::OpenReadOnly(options.process.db.string()) : nullptr;
-    return DryRun(options, PlanSweep(database.get(), options.process, specs),
-                  MeasureAll(specs, options.process));
+    const std::vector<ProbeResult> probes = MeasureAll(&specs, options.process);
+    return DryRun(options, PlanSweep(database.get(), options.process, specs), probes);
   }
 
-  const SweepFigures figures = ProbeSweep(specs, options.process);
+  const SweepFigures figures = ProbeSweep(&specs, options.process);
+  for (const std::string& notice : figures.notices) SayNotice(notice);
   std::optional<Scratch> scratch;
   if (!options.process.scratch.empty())
     scratch.emplace(options.process.db, options.process.scratch);

@@ -56,6 +56,7 @@ int Verify::Run() {
     return static_cast<int>(ExitCode::kVerificationFailed);
   }
   std::string changed = ChangedFile(spec);
+  if (changed.empty()) changed = ChangedIngredient(spec, options);
   const std::string instruction_set = database->GetBuild(run.build_id).instruction_set;
   if (changed.empty() && instruction_set != InstructionSetInUse()) {
     changed = "the instruction set changed (" + instruction_set + " then, " +
@@ -74,18 +75,20 @@ int Verify::Run() {
       component->info = std::make_shared<const ComponentInfo>(std::move(info));
       DigestFilesAnew(&component->parameters);
     }
+    spec.environment.ingredients.clear();
   }
 
   const std::filesystem::path agent = AgentCheckpoint(database.get(), spec);
   // The temporary database has no trained run to name.
   if (spec.evaluation) spec.evaluation->parent_run_id = 0;
-  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, options).task;
+  const ProbeResult probe = ProbeRun(spec, ProbeDepth::kTask, options);
+  spec.environment.ingredients = probe.ingredients;
   const TemporaryFolder folder;
   const auto repeated = results::Database::OpenOrCreate(folder / "verify.db");
   PlannedRun planned;
   planned.spec = spec;
   std::vector<SweepJob> jobs =
-      RecordSweep(repeated.get(), options, {planned}, {task}, {"runner", "verify"});
+      RecordSweep(repeated.get(), options, {planned}, {probe.task}, {"runner", "verify"});
   jobs.front().work.agent_checkpoint = agent;
   const std::int64_t repeated_id = jobs.front().work.run_id;
   ProgressDisplay progress;

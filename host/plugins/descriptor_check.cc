@@ -219,8 +219,8 @@ class Checker {
   // resolved.
   void CheckRunPresets(const std::string& what, const ComponentDescriptor& component) const {
     CheckView(what + "'s run presets", component.run_presets.data, component.run_presets.size);
-    if (component.run_presets.size > 0 && component.kind != ComponentKind::kModel) {
-      Refuse(what + ": run presets are for models only, found " +
+    if (component.run_presets.size > 0 && component.kind == ComponentKind::kPlanner) {
+      Refuse(what + ": run presets are for models and environments, found " +
              std::to_string(component.run_presets.size) + " on a " +
              ComponentKindName(component.kind));
     }

@@ -193,6 +193,11 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   segment.gflop_per_second = MeasureGflopPerSecond();
   writer.BeginSegment(segment, point);
 
+  if (!loaded && !job.spec.environment.ingredients.empty()) {
+    writer.AddEvent(0, "info", "ingredients",
+                    results::JsonText(nlohmann::json(job.spec.environment.ingredients)));
+  }
+
   const double segment_started = ActivityClock::Now();
   std::unique_ptr<RunLoop> loop;
   bool ready = false;  // until then the run stands where the segment begins

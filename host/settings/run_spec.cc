@@ -47,6 +47,8 @@ const char* ValueOriginName(ValueOrigin origin) {
       return "command line";
     case ValueOrigin::kModel:
       return "model";
+    case ValueOrigin::kEnvironment:
+      return "environment";
   }
   return "unknown";
 }
@@ -122,6 +124,7 @@ std::vector<const ResolvedValue*> NamedFiles(const RunSpec& spec) {
 }
 
 std::string DigestName(const ResolvedValue& file) { return "file " + file.choice; }
+constexpr std::string_view kIngredient = "ingredient ";
 
 // As PluginChange.
 std::string FileChange(const ResolvedValue& now, const std::string& then) {
@@ -132,6 +135,31 @@ std::string FileChange(const ResolvedValue& now, const std::string& then) {
 }
 
 }  // namespace
+
+std::string IngredientChange(const ResolvedComponent& environment,
+                             const std::map<std::string, std::string>& then) {
+  // SHA-256 as PluginChange has them.
+  const auto shown = [](const std::map<std::string, std::string>& of, const std::string& name) {
+    const auto found = of.find(name);
+    if (found == of.end()) return std::string("none");
+    const bool digest = found->second.size() == 64;
+    return digest ? "SHA-256 " + found->second.substr(0, 12) : found->second;
+  };
+  std::map<std::string, std::string> all = environment.ingredients;
+  all.insert(then.begin(), then.end());
+  for (const auto& [name, value] : all) {
+    const std::string before = shown(then, name), now = shown(environment.ingredients, name);
+    const auto old = then.find(name);
+    const auto present = environment.ingredients.find(name);
+    if (old != then.end() && present != environment.ingredients.end() &&
+        old->second == present->second) {
+      continue;
+    }
+    return name + " of environment '" + environment.task() + "' changed (" + before + " then, " +
+           now + " now)";
+  }
+  return "";
+}
 
 std::string ChangedSince(const RunSpec& spec, const std::map<std::string, std::string>& then) {
   const auto before = [&](const std::string& name) {
@@ -147,7 +175,11 @@ std::string ChangedSince(const RunSpec& spec, const std::map<std::string, std::s
     std::string change = FileChange(*file, before(DigestName(*file)));
     if (!change.empty()) return change;
   }
-  return "";
+  std::map<std::string, std::string> ingredients;
+  for (const auto& [name, value] : then) {
+    if (name.starts_with(kIngredient)) ingredients[name.substr(kIngredient.size())] = value;
+  }
+  return IngredientChange(spec.environment, ingredients);
 }
 
 std::map<std::string, std::string> DigestsOf(const RunSpec& spec) {
@@ -156,6 +188,9 @@ std::map<std::string, std::string> DigestsOf(const RunSpec& spec) {
     digests[component->info->plugin.name] = component->info->plugin.sha256;
   }
   for (const ResolvedValue* file : NamedFiles(spec)) digests[DigestName(*file)] = file->sha256;
+  for (const auto& [name, value] : spec.environment.ingredients) {
+    digests[std::string(kIngredient) + name] = value;
+  }
   return digests;
 }
 

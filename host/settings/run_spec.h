@@ -22,7 +22,8 @@ enum class ValueOrigin : std::uint32_t {
   kPreset = 1,
   kFile = 2,
   kCommandLine = 3,
-  kModel = 4,  // the preset of the model, for a value of the runner's own
+  kModel = 4,        // the preset of the model, for a value of the runner's own
+  kEnvironment = 5,  // of the environment
 };
 
 const char* ValueOriginName(ValueOrigin origin);
@@ -71,6 +72,9 @@ struct ResolvedValues {
 struct ResolvedComponent {
   std::shared_ptr<const ComponentInfo> info;
   ResolvedValues parameters;
+  // EnvironmentSpec::ingredients when the environment was probed for the run; empty: not probed,
+  // or it has none.
+  std::map<std::string, std::string> ingredients;
 
   const std::string& name() const { return info->name; }
   // Of an environment what it is called as a task: its name, or NAME:TEXT where it plays many
@@ -82,6 +86,7 @@ struct ResolvedComponent {
   void Fields(Archive* archive) {
     (*archive)("info", &info);
     (*archive)("parameters", &parameters);
+    archive->AddedLater("ingredients", &ingredients);
   }
 };
 
@@ -152,22 +157,25 @@ struct RunSpec {
 // Its components, each plugin of which decides its results.
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec);
 
-// What decides the run's results beside its values: its plugins, and the files that its settings
-// name. Their SHA-256 by name.
+// What decides the run's results beside its values: its plugins, the files that its settings
+// name, and the environment's ingredients. Their SHA-256, or versions, by name.
 std::map<std::string, std::string> DigestsOf(const RunSpec& spec);
 // Which of them is not the one it was `then`, and how; empty if none.
 std::string ChangedSince(const RunSpec& spec, const std::map<std::string, std::string>& then);
 // Which of the files that are there now is not the one that the run names, and how; empty if
 // none. Throws what Sha256HexOfFile throws.
 std::string ChangedFile(const RunSpec& spec);
+// How the environment's ingredients differ from what they were `then`; empty if they do not.
+std::string IngredientChange(const ResolvedComponent& environment,
+                             const std::map<std::string, std::string>& then);
 // Takes the files that values name as they are now. Returns the first that changed, and how.
 std::string DigestFilesAnew(ResolvedValues* values);
 
 // What makes two runs the same configuration: every resolved value and the names
 // of the components, keys sorted, no space; of an evaluation what decides its
 // episodes. Not in it: study, seed, preset's name, versions of components and
-// plugins, where a value came from, the content of files (DigestsOf), a factor of variation that
-// has its default.
+// plugins, where a value came from, the content of files and ingredients (DigestsOf), a factor of
+// variation that has its default.
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 

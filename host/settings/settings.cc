@@ -116,9 +116,12 @@ class Resolver {
       if (!target.task.empty()) SetTask(&target);
     }
     for (const Setting& setting : options.settings) Apply(setting);
-    for (const std::size_t model : models_) {
-      runs_.push_back(base == nullptr ? RunOf(*targets_[model].info) : targets_[0].values);
-      if (!options.evaluate) CheckRun(runs_.back());
+    for (const std::size_t environment : environments_) {
+      for (const std::size_t model : models_) {
+        runs_.push_back(base == nullptr ? RunOf(*targets_[model].info, *targets_[environment].info)
+                                        : targets_[0].values);
+        if (!options.evaluate) CheckRun(runs_.back());
+      }
     }
   }
 
@@ -133,17 +136,17 @@ class Resolver {
     std::vector<RunSpec> runs;
     // Seeds outermost: what is finished of a matrix is balanced at any moment.
     for (const std::uint64_t seed : options.seeds) {
-      for (const std::size_t environment : environments_) {
+      for (std::size_t i = 0; i < environments_.size(); ++i) {
         for (const std::size_t planner : planners_) {
-          for (std::size_t i = 0; i < models_.size(); ++i) {
+          for (std::size_t j = 0; j < models_.size(); ++j) {
             RunSpec spec;
             spec.study = options.study;
             spec.preset = options.preset;
-            spec.environment = Resolved(environment);
-            spec.model = Resolved(models_[i]);
+            spec.environment = Resolved(environments_[i]);
+            spec.model = Resolved(models_[j]);
             spec.planner = Resolved(planner);
             spec.eval_planner = Resolved(eval_planner_.value_or(planner));
-            spec.run = runs_[i];
+            spec.run = runs_[i * models_.size() + j];
             spec.seed = seed;
             if (!options.evaluate) CheckSearchTargets(spec);
             runs.push_back(std::move(spec));
@@ -330,15 +333,22 @@ class Resolver {
     target->values.values[i] = value;
   }
 
-  // The runner's own values of runs with that model.
-  ResolvedValues RunOf(const ComponentInfo& model) const {
+  // The runner's own values of runs with that model on that environment, whose wish is the
+  // stronger one.
+  ResolvedValues RunOf(const ComponentInfo& model, const ComponentInfo& environment) const {
     ResolvedValues run = targets_[0].values;
-    for (const RunPresetInfo& wish : model.run_presets) {
+    Grant(model, ValueOrigin::kModel, &run);
+    Grant(environment, ValueOrigin::kEnvironment, &run);
+    return run;
+  }
+
+  void Grant(const ComponentInfo& component, ValueOrigin origin, ResolvedValues* run) const {
+    for (const RunPresetInfo& wish : component.run_presets) {
       const auto refuse = [&](const std::string& message) {
         throw Failure(ExitCode::kPluginRefused,
-                      "plugin " + model.plugin.path + ": model '" + model.name + "' asks for run." +
-                          wish.name + " = " + NumberText(ParameterType::kReal, wish.number) + ": " +
-                          message);
+                      "plugin " + component.plugin.path + ": " + ComponentKindName(component.kind) +
+                          " '" + component.name + "' asks for run." + wish.name + " = " +
+                          NumberText(ParameterType::kReal, wish.number) + ": " + message);
       };
       const auto parameter =
           std::find_if(run_parameters_.begin(), run_parameters_.end(),
@@ -353,15 +363,14 @@ class Resolver {
         refuse(Expectation(*parameter));
       }
       ResolvedValue& present =
-          run.values[static_cast<std::size_t>(parameter - run_parameters_.begin())];
+          run->values[static_cast<std::size_t>(parameter - run_parameters_.begin())];
       if (wish.preset != preset_ || present.origin == ValueOrigin::kFile ||
           present.origin == ValueOrigin::kCommandLine) {
         continue;
       }
       present.number = value.number;
-      present.origin = ValueOrigin::kModel;
+      present.origin = origin;
     }
-    return run;
   }
 
   // What no single range can say.
@@ -413,7 +422,7 @@ class Resolver {
   std::deque<Target> targets_;  // the host's first; addresses stay
   std::vector<std::size_t> environments_, planners_, models_;
   std::optional<std::size_t> eval_planner_;
-  std::vector<ResolvedValues> runs_;  // as models_
+  std::vector<ResolvedValues> runs_;  // of each environment with each model
 };
 
 }  // namespace

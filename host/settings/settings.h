@@ -1,7 +1,7 @@
 // settings.h - from names and key=value pairs to runs with every value resolved.
 //
-// Values resolve as default < preset < configuration file < command line; a value of the
-// runner's own, `run.*`, as default < preset < the model's < file < command line. In one
+// Values resolve as default < preset < configuration file < command line; a value of `run.*`, the
+// runner's own, as default < preset < the model's < the environment's < file < command line. In one
 // source a key that names a component (mcts_pw.k, planner/mcts_pw.k) wins over
 // one that names a kind (planner.k).
 #pragma once

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <system_error>
 
@@ -216,6 +217,8 @@ int ProbeMain() {
     result.task.episode_steps = figures.episode_steps;
     result.task.return_low = figures.return_low;
     result.task.return_high = figures.return_high;
+    result.ingredients = IngredientsOf(figures);
+    if (figures.notice != nullptr) result.notice = figures.notice;
     if (asked.depth == ProbeDepth::kComponents) MakeComponents(spec, components, figures);
     if (asked.depth == ProbeDepth::kCosts) {
       result.costs = MeasureCosts(spec, components, environment.get());
@@ -237,26 +240,39 @@ ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, const ProcessOptions
       AskChild(request, results::FieldsToJson(ProbeRequest{spec, depth})));
 }
 
-SweepFigures ProbeSweep(const std::vector<RunSpec>& specs, const ProcessOptions& options) {
+SweepFigures ProbeSweep(std::vector<RunSpec>* specs, const ProcessOptions& options) {
   SweepFigures figures;
-  std::map<std::string, results::TaskInfo> known;  // by configuration
-  for (const RunSpec& spec : specs) {
+  std::map<std::string, ProbeResult> known;  // by configuration
+  std::set<std::string> said;
+  for (RunSpec& spec : *specs) {
     const auto [entry, added] = known.try_emplace(CanonicalJson(spec));
+    ProbeResult& probe = entry->second;
     if (added) {
       try {
-        const ProbeResult probe = ProbeRun(spec, ProbeDepth::kComponents, options);
-        entry->second = probe.task;
+        probe = ProbeRun(spec, ProbeDepth::kComponents, options);
         figures.memory_bytes =
             std::max(figures.memory_bytes,
                      static_cast<std::uint64_t>(EstimateRun(spec, probe).memory_bytes));
       } catch (const Failure& error) {
         if (error.code() == ExitCode::kUsage) throw;
-        entry->second = ProbeRun(spec, ProbeDepth::kTask, options).task;
+        probe = ProbeRun(spec, ProbeDepth::kTask, options);
+      }
+      if (!probe.notice.empty() && said.insert(probe.notice).second) {
+        figures.notices.push_back(probe.notice);
       }
     }
-    figures.tasks.push_back(entry->second);
+    spec.environment.ingredients = probe.ingredients;
+    figures.tasks.push_back(probe.task);
   }
   return figures;
+}
+
+std::string ChangedIngredient(const RunSpec& spec, const ProcessOptions& options) {
+  if (spec.environment.ingredients.empty()) return "";
+  RunSpec now = spec;
+  now.environment.ingredients.clear();
+  now.environment.ingredients = ProbeRun(now, ProbeDepth::kTask, options).ingredients;
+  return IngredientChange(now.environment, spec.environment.ingredients);
 }
 
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe) {

@@ -6,6 +6,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "host/settings/settings.h"
@@ -47,12 +49,16 @@ struct RunEstimate {
 
 struct ProbeResult {
   results::TaskInfo task;
-  RunCosts costs;           // zero unless measured
+  std::map<std::string, std::string> ingredients;  // of the environment
+  std::string notice;                              // EnvironmentSpec::notice
+  RunCosts costs;                                  // zero unless measured
   double memory_bytes = 0;  // resident, at most; zero unless components were made
 
   template <typename Archive>
   void Fields(Archive* archive) {
     (*archive)("task", &task);
+    (*archive)("ingredients", &ingredients);
+    (*archive)("notice", &notice);
     (*archive)("costs", &costs);
     (*archive)("memory_bytes", &memory_bytes);
   }
@@ -75,13 +81,18 @@ ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, const ProcessOptions
 struct SweepFigures {
   std::vector<results::TaskInfo> tasks;  // one a spec
   std::uint64_t memory_bytes = 0;        // of the largest run, estimated; 0: unknown
+  std::vector<std::string> notices;      // of the environments, each once
 };
 
-// What a sweep's tasks are. Makes the components of every configuration once, so
-// that nothing is written for settings that do not go together: throws Failure 2 for
-// those, and what ProbeRun throws for an environment. Another fault of a model or a planner
-// is left to cost its own run.
-SweepFigures ProbeSweep(const std::vector<RunSpec>& specs, const ProcessOptions& options);
+// What a sweep's tasks are; their environments' ingredients go into the specs. Makes the
+// components of every configuration once, so that nothing is written for settings that do not go
+// together: throws Failure 2 for those, and what ProbeRun throws for an environment. Another fault
+// of a model or a planner is left to cost its own run.
+SweepFigures ProbeSweep(std::vector<RunSpec>* specs, const ProcessOptions& options);
+
+// How the ingredients of a recorded run's environment have changed since; empty if they have not
+// or it has none. Throws what ProbeRun throws.
+std::string ChangedIngredient(const RunSpec& spec, const ProcessOptions& options);
 
 // What the whole run takes at those costs.
 RunEstimate EstimateRun(const RunSpec& spec, const ProbeResult& probe);

@@ -359,7 +359,9 @@ std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run) {
   const RunSpec spec = RecordedSpec(database, run);
-  if (const std::string changed = ChangedFile(spec); !changed.empty()) {
+  std::string changed = ChangedFile(spec);
+  if (changed.empty()) changed = ChangedIngredient(spec, options);
+  if (!changed.empty()) {
     throw Failure(ExitCode::kPluginRefused,
                   "run " + std::to_string(run.run_id) +
                       " cannot resume, because something changed since it began: " + changed +

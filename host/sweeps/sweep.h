@@ -72,7 +72,7 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
 
 // The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
-// a plugin or a file that its settings name has changed.
+// a plugin, a file that its settings name or an ingredient of its environment has changed.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run);
 

@@ -63,6 +63,7 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
     folders.push_back(std::filesystem::path(component->info->plugin.path).parent_path().string());
   }
   found.catalogue = Catalogue::Scan(PluginFolders(folders));
+  found.ingredients = found.spec.environment.ingredients;
   std::set<std::string> changed;
   for (ResolvedComponent* component : {&found.spec.environment, &found.spec.model,
                                        &found.spec.planner, &found.spec.eval_planner}) {

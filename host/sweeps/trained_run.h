@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,8 @@ struct TrainedRun {
   results::RunInfo info;
   // What it was trained with; of each plugin the file that is there now.
   RunSpec spec;
+  // Its environment's ingredients then; `spec` has none, so that it plays with what is there now.
+  std::map<std::string, std::string> ingredients;
   std::filesystem::path checkpoint;  // its newest whole one
   std::uint64_t env_step = 0;        // environment steps of training in it
   std::string agent_sha256;          // of the saved model

@@ -13,15 +13,21 @@ here. Numbers are native doubles, texts are UTF-8, a spec and settings are JSON.
     V uint32 width, height, camera             v RGB bytes      a picture
     any                                        e text           it failed; the last line says how
 
+A spec's `made_of` says what plays beside the settings: interpreter, packages and the files of a
+module that is no package of theirs, each with its version or SHA-256.
+
 What the environment prints goes to the run's log.
 """
 
+import contextlib
 import ctypes
+import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
 import json
 import os
+import platform
 import signal
 import struct
 import sys
@@ -32,6 +38,12 @@ REQUESTS, ANSWERS = 3, 4
 
 class Refusal(Exception):
     """What the user can mend; its text is the whole message."""
+
+
+def came_of_importing(error):
+    """Whether a module's own code was running, as it does when it is imported."""
+    return isinstance(error, ImportError) or any(
+        frame.f_code.co_name == "<module>" for frame, _ in traceback.walk_tb(error.__traceback__))
 
 
 def user_module(name):
@@ -46,26 +58,63 @@ def user_module(name):
     return module
 
 
-def versions_of(names):
-    """{distribution: version} of those that are installed."""
-    found = {"python": sys.version.split()[0]}
-    for name in names:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            pass
+def is_installed(module):
+    """Whether a module is of the interpreter or of a package, and no file of the user's own."""
+    path = getattr(module, "__file__", None)
+    parts = path.split(os.sep) if path else ["site-packages"]
+    library = os.path.dirname(os.__file__) + os.sep
+    return "site-packages" in parts or "dist-packages" in parts or path.startswith(library)
+
+
+def with_neighbours(module):
+    """A module and what it imported of the user's own from its folder."""
+    folder = os.path.dirname(os.path.abspath(module.__file__)) + os.sep
+    return [module] + [other for other in list(sys.modules.values())
+                       if other is not module and not is_installed(other)
+                       and os.path.abspath(other.__file__).startswith(folder)]
+
+
+DRAWING = {"OpenGL", "glfw", "imageio"}  # what is imported of these hangs on the machine
+
+
+def version_of(package):
+    """The version of an imported package, None if it has none."""
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.version(package.__name__)
+    version = getattr(package, "__version__", None)
+    return version if isinstance(version, str) else None
+
+
+def made_of(module):
+    """{name: version or SHA-256} of what plays: the interpreter, the packages that it has imported,
+    and of MODULE, if there is one, its file and those of its neighbours.
+    """
+    found = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
+    for name, package in list(sys.modules.items()):
+        path = getattr(package, "__file__", None) or ""
+        if "." in name or name.startswith("_") or name in DRAWING:
+            continue
+        if {"site-packages", "dist-packages"} & set(path.split(os.sep)):
+            version = version_of(package)
+            if version is not None:
+                found[name] = version
+    if module is not None:
+        folder = os.path.dirname(module.__file__)
+        for other in with_neighbours(module):
+            with open(other.__file__, "rb") as source:
+                name = os.path.relpath(other.__file__, folder)
+                found[name] = hashlib.sha256(source.read()).hexdigest()
     return found
 
 
 class GymnasiumPlayer:
     """Any environment of the Gymnasium interface."""
 
-    packages = ("gymnasium", "numpy", "mujoco", "gymnasium-robotics")
-
     def __init__(self, settings):
         arguments = settings["arguments"]
+        self.module = None
         if settings["module"]:
-            module = user_module(settings["module"])
+            module = self.module = user_module(settings["module"])
             if settings["id"] and not hasattr(module, settings["id"]):
                 raise Refusal(f"module {settings['module']} has no class '{settings['id']}'")
             if not settings["id"]:
@@ -122,7 +171,7 @@ class GymnasiumPlayer:
 class ControlSuitePlayer:
     """A task of dm_control.suite; its id is domain-task."""
 
-    packages = ("dm_control", "dm_env", "mujoco", "numpy")
+    module = None
     saver = None
 
     def __init__(self, settings):
@@ -208,9 +257,12 @@ class Bridge:
         kind = {"gym": GymnasiumPlayer, "dm": ControlSuitePlayer}[settings["kind"]]
         try:
             self.player = kind(settings)
-        except ImportError as error:
+        except Exception as error:
+            if not came_of_importing(error):
+                raise
+            traceback.print_exc()
             raise Refusal(f"{sys.executable} cannot import what '{settings['id']}' needs: "
-                          f"{error}") from error
+                          f"{type(error).__name__}: {error}") from error
         import numpy
 
         self.numpy = numpy
@@ -221,8 +273,9 @@ class Bridge:
                 if abs(bound) != float("inf"):
                     continue
                 if given is None:
-                    raise Refusal(f"action {i} has no {end} bound; set env.action_low and "
-                                  "env.action_high")
+                    raise Refusal(
+                        f"action {i} has no {end} bound ({bound:g}) and planners choose between "
+                        "bounds; set env.action_low and env.action_high")
                 bounds[i] = given
         self.size = sum(size for _, size in player.parts)
         self.actions = len(player.low)
@@ -237,7 +290,7 @@ class Bridge:
             "episode_steps": player.step_limit or 0,
             "control_seconds": player.control_seconds,
             "state_bytes": state_bytes,
-            "versions": versions_of(kind.packages),
+            "made_of": made_of(player.module),
         }).encode()
 
     def observation(self, vector):

@@ -24,6 +24,18 @@ constexpr ParameterSpec EpisodeSteps() {
                       "none.");
 }
 
+constexpr ParameterSpec ActionLow() {
+  return RealParameter("action_low", 0, -1e6, 1e6, "",
+                       "Least value of each action that the environment does not bound; used if "
+                       "it is below action_high.");
+}
+constexpr ParameterSpec ActionHigh() {
+  return RealParameter("action_high", 0, -1e6, 1e6, "", "The largest value of such actions.");
+}
+
+// These environments repeat actions themselves where they want to.
+constexpr RunPreset kRunPresets[] = {{"action_repeat", "fast", 1}, {"action_repeat", "paper", 1}};
+
 constexpr ParameterSpec kGymParameters[] = {
     TextParameter("id", "",
                   "What to play: a registered name such as Hopper-v5; or, with `module`, the name "
@@ -34,10 +46,8 @@ constexpr ParameterSpec kGymParameters[] = {
     Interpreter(),
     Arguments(),
     EpisodeSteps(),
-    RealParameter("action_low", 0, -1e6, 1e6, "",
-                  "Least value of each action that the environment does not bound; used if it "
-                  "is below action_high."),
-    RealParameter("action_high", 0, -1e6, 1e6, "", "The largest value of such actions."),
+    ActionLow(),
+    ActionHigh(),
 };
 
 constexpr ParameterSpec kSuiteParameters[] = {
@@ -45,6 +55,8 @@ constexpr ParameterSpec kSuiteParameters[] = {
     Interpreter(),
     Arguments(),
     EpisodeSteps(),
+    ActionLow(),
+    ActionHigh(),
 };
 
 Status Make(PythonEnvironmentSettings settings, const Parameters& parameters,
@@ -55,6 +67,8 @@ Status Make(PythonEnvironmentSettings settings, const Parameters& parameters,
     settings.interpreter = parameters.GetText("python");
     settings.arguments = parameters.GetText("arguments");
     settings.episode_steps = static_cast<std::uint32_t>(parameters.GetInt("episode_steps"));
+    settings.action_low = parameters.GetReal("action_low");
+    settings.action_high = parameters.GetReal("action_high");
     if (settings.id.empty()) {
       return Error(StatusCode::kInvalidArgument,
                    "expected the environment's name in the setting 'id', found nothing");
@@ -71,8 +85,6 @@ Status MakeGym(const EnvironmentContext& context, Environment** result) noexcept
   PythonEnvironmentSettings settings;
   settings.kind = "gym";
   settings.module = parameters.GetText("module");
-  settings.action_low = parameters.GetReal("action_low");
-  settings.action_high = parameters.GetReal("action_high");
   return Make(std::move(settings), parameters, result);
 }
 
@@ -88,6 +100,7 @@ constexpr ComponentDescriptor kComponents[] = {
      .version = "1.0.0",
      .summary = "any environment of the Gymnasium interface, in a Python process",
      .parameters = ViewOf(kGymParameters),
+     .run_presets = ViewOf(kRunPresets),
      .task_parameter = "id",
      .create_environment = MakeGym},
     {.kind = ComponentKind::kEnvironment,
@@ -95,6 +108,7 @@ constexpr ComponentDescriptor kComponents[] = {
      .version = "1.0.0",
      .summary = "a task of Python's dm_control.suite, in a Python process",
      .parameters = ViewOf(kSuiteParameters),
+     .run_presets = ViewOf(kRunPresets),
      .task_parameter = "id",
      .create_environment = MakeSuite},
 };

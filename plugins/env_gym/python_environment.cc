@@ -64,6 +64,8 @@ PythonEnvironment::PythonEnvironment(const PythonEnvironmentSettings& settings)
   low_ = answer.at("action_low").get<std::vector<double>>();
   high_ = answer.at("action_high").get<std::vector<double>>();
   own_state_bytes_ = answer.at("state_bytes").get<std::uint64_t>();
+  made_of_ = answer.at("made_of").get<std::map<std::string, std::string>>();
+  for (const auto& [name, value] : made_of_) ingredients_.push_back({name.c_str(), value.c_str()});
   const auto own_limit = answer.at("episode_steps").get<std::uint32_t>();
   spec_.observation = {parts_.data(), parts_.size()};
   spec_.action_size = low_.size();
@@ -73,6 +75,13 @@ PythonEnvironment::PythonEnvironment(const PythonEnvironmentSettings& settings)
   spec_.episode_steps = settings.episode_steps != 0 ? settings.episode_steps
                         : own_limit != 0            ? own_limit
                                                     : kDefaultEpisodeSteps;
+  if (settings.episode_steps == 0 && own_limit == 0) {
+    notice_ = settings.kind + ":" + settings.id +
+              " has no time limit of its own; an episode ends " + "after " +
+              std::to_string(kDefaultEpisodeSteps) + " environment steps (env.episode_steps)";
+    spec_.notice = notice_.c_str();
+  }
+  spec_.ingredients = {ingredients_.data(), ingredients_.size()};
   spec_.terminates = settings.kind == "gym";
   spec_.state_bytes =
       sizeof(StateHeader) + (own_state_bytes_ != 0

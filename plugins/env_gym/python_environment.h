@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -55,6 +56,9 @@ class PythonEnvironment final : public Environment {
   EnvironmentSpec spec_;
   std::vector<std::string> names_;
   std::vector<ObservationPart> parts_;
+  std::map<std::string, std::string> made_of_;
+  std::vector<Ingredient> ingredients_;
+  std::string notice_;
   std::vector<double> low_, high_;
   std::uint64_t own_state_bytes_ = 0;  // 0: states are replayed
 

@@ -8,8 +8,8 @@
 //
 // Members may be such structs, vectors, optionals and shared pointers of what can be a
 // member, enums (their numbers), paths, and what nlohmann knows. JSON has no number for what
-// is not finite: it is null, and null is read as NaN. Reading wants every field and passes
-// over others; it throws nlohmann::json::exception.
+// is not finite: it is null, and null is read as NaN. Reading wants every field but those
+// listed with AddedLater, and passes over others; it throws nlohmann::json::exception.
 //
 // It includes all of nlohmann's library: for source files, not for headers.
 #pragma once
@@ -38,6 +38,10 @@ class JsonWriter {
   void operator()(const char* name, const T* value) {
     (*json_)[name] = FieldsToJson(*value);
   }
+  template <typename T>
+  void AddedLater(const char* name, const T* value) {
+    (*this)(name, value);
+  }
 
  private:
   nlohmann::json* json_;
@@ -49,6 +53,11 @@ class JsonReader {
   template <typename T>
   void operator()(const char* name, T* value) {
     FieldsFromJson(json_->at(name), value);
+  }
+  // A field that files of older programs lack: the value stays as it is.
+  template <typename T>
+  void AddedLater(const char* name, T* value) {
+    if (json_->contains(name)) (*this)(name, value);
   }
 
  private:

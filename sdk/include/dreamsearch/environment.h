@@ -27,6 +27,13 @@ struct ObservationPart {
   std::uint64_t size = 0;
 };
 
+// Something beside plugin and settings that decides the episodes: {"numpy", "2.1.3"}, a file that
+// was read and its SHA-256.
+struct Ingredient {
+  const char* name = nullptr;
+  const char* value = nullptr;
+};
+
 struct EnvironmentSpec {
   View<const ObservationPart> observation;
   std::uint64_t observation_size = 0;  // O
@@ -40,6 +47,11 @@ struct EnvironmentSpec {
   double return_low = 0;               // range of an episode's return, for normalised
   double return_high = 0;              //   scores; equal when there is none
   std::uint64_t state_bytes = 0;       // size of a saved state; 0: cannot be saved
+  // Stored with a run, each under another name. One that changed counts as a changed plugin: an
+  // unfinished run does not go on with it.
+  View<const Ingredient> ingredients;
+  // One line that a person should read before a run, about what was assumed; may be null.
+  const char* notice = nullptr;
 };
 
 // What one step gave. `discount` is 0 at a terminal state and 1 elsewhere, the

@@ -99,9 +99,10 @@ struct PlannerContext {
   std::uint64_t latent_bytes = 0;  // of the model it will plan with
 };
 
-// What a model asks of the host under a preset: the value of one of the host's own parameters,
-// `run.*` (`runner describe run` lists them). It stands above what the host declares for the
-// preset and below configuration file and command line.
+// What a model or an environment asks of the host under a preset: the value of one of the host's
+// own parameters, `run.*` (`runner describe run` lists them). It stands above what the host
+// declares for the preset and below configuration file and command line; an environment's stands
+// above a model's.
 struct RunPreset {
   const char* name = nullptr;    // of the parameter: "batch_size"
   const char* preset = nullptr;  // "fast"
@@ -125,7 +126,7 @@ struct ComponentDescriptor {
   const char* summary = nullptr;  // one line
   View<const ParameterSpec> parameters;
   View<const MetricSpec> metrics;     // what Plan or Train reports
-  View<const RunPreset> run_presets;  // models only
+  View<const RunPreset> run_presets;  // of models and environments
   // Environments that play many things: the text parameter that says which. The task is then
   // called NAME:TEXT, "gym:Hopper-v5", in command lines, databases and figures.
   const char* task_parameter = nullptr;
@@ -138,29 +139,18 @@ struct ComponentDescriptor {
 // sizes of every struct that crosses it, as this compiler lays them out.
 constexpr std::uint64_t LayoutTag() noexcept {
   std::uint64_t tag = DREAMSEARCH_SDK_MAJOR;
-  for (const std::uint64_t size : {std::uint64_t{sizeof(Status)},
-                                   sizeof(View<double>),
-                                   sizeof(MatrixView<double>),
-                                   sizeof(ParameterSpec),
-                                   sizeof(ParameterValue),
-                                   sizeof(MetricSpec),
-                                   sizeof(ObservationPart),
-                                   sizeof(EnvironmentSpec),
-                                   sizeof(StepResult),
-                                   sizeof(RenderRequest),
-                                   sizeof(ImagineRequest),
-                                   sizeof(ImagineResult),
-                                   sizeof(ValueResult),
-                                   sizeof(ObserveRequest),
-                                   sizeof(SequenceBatch),
-                                   sizeof(TrainRequest),
-                                   sizeof(TreeEdge),
-                                   sizeof(PlanRequest),
-                                   sizeof(PlanResult),
-                                   sizeof(EnvironmentContext),
-                                   sizeof(ModelContext),
-                                   sizeof(PlannerContext),
-                                   sizeof(RunPreset),
+  for (const std::uint64_t size : {std::uint64_t{sizeof(Status)}, sizeof(View<double>),
+                                   sizeof(MatrixView<double>),    sizeof(ParameterSpec),
+                                   sizeof(ParameterValue),        sizeof(MetricSpec),
+                                   sizeof(ObservationPart),       sizeof(Ingredient),
+                                   sizeof(EnvironmentSpec),       sizeof(StepResult),
+                                   sizeof(RenderRequest),         sizeof(ImagineRequest),
+                                   sizeof(ImagineResult),         sizeof(ValueResult),
+                                   sizeof(ObserveRequest),        sizeof(SequenceBatch),
+                                   sizeof(TrainRequest),          sizeof(TreeEdge),
+                                   sizeof(PlanRequest),           sizeof(PlanResult),
+                                   sizeof(EnvironmentContext),    sizeof(ModelContext),
+                                   sizeof(PlannerContext),        sizeof(RunPreset),
                                    sizeof(ComponentDescriptor)}) {
     tag = tag * 1099511628211ull ^ size;
   }

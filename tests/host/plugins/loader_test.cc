@@ -90,12 +90,12 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.4, found "
+  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.5, found "
                          "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
   refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"expected SDK version 0.4, found 7.4"});
-  refused("newer_minor", {"expected SDK version 0.4, found 0.5"});
-  refused("older_minor", {"expected SDK version 0.4, found 0.3"});
+  refused("other_major_field", {"expected SDK version 0.5, found 7.5"});
+  refused("newer_minor", {"expected SDK version 0.5, found 0.6"});
+  refused("older_minor", {"expected SDK version 0.5, found 0.4"});
   refused("short_descriptor",
           {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
   refused("interface_revision", {"interface revision 2, found 3"});
@@ -166,7 +166,7 @@ TEST(CheckPluginDescriptor, WantsTraitsOfTheKindAndNoneThatContradictEachOther) 
   EXPECT_EQ(CheckChanged([](auto* c) { c->traits = kActorAlone; }).code(), ExitCode::kOk);
 }
 
-TEST(CheckPluginDescriptor, RefusesRunPresetsThatAreNoModelsOrNotClear) {
+TEST(CheckPluginDescriptor, RefusesRunPresetsOfAPlannerOrNotClear) {
   static constexpr RunPreset kOne[] = {{"batch_size", "fast", 256}};
   static constexpr RunPreset kTwice[] = {{"batch_size", "fast", 256}, {"batch_size", "fast", 128}};
   static constexpr RunPreset kInfinite[] = {
@@ -181,7 +181,7 @@ TEST(CheckPluginDescriptor, RefusesRunPresetsThatAreNoModelsOrNotClear) {
   };
   EXPECT_EQ(CheckChanged([&](auto* c) { as_model(c, ViewOf(kOne)); }).code(), ExitCode::kOk);
   ExpectMessage(CheckChanged([](auto* c) { c->run_presets = ViewOf(kOne); }), kRefused,
-                {"run presets are for models only"});
+                {"run presets are for models and environments"});
   ExpectMessage(CheckChanged([&](auto* c) { as_model(c, ViewOf(kTwice)); }), kRefused,
                 {"batch_size", "'fast'", "found two"});
   ExpectMessage(CheckChanged([&](auto* c) { as_model(c, ViewOf(kInfinite)); }), kRefused,

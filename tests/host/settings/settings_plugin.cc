@@ -42,6 +42,7 @@ constexpr RunPreset kWishes[] = {{"batch_size", "fast", 256},
                                  {"sequence_length", "fast", 4},
                                  {"batch_size", "paper", 128},
                                  {"action_repeat", "paper", 4}};
+constexpr RunPreset kHabits[] = {{"action_repeat", "fast", 1}, {"action_repeat", "paper", 1}};
 constexpr RunPreset kUnknown[] = {{"batch_sise", "fast", 256}};
 constexpr RunPreset kTooLarge[] = {{"batch_size", "paper", 5000}};
 
@@ -56,13 +57,15 @@ constexpr ComponentDescriptor ModelOf(const char* name, View<const RunPreset> ru
 }
 constexpr ComponentDescriptor Task(const char* name, const char* aliases,
                                    View<const ParameterSpec> parameters = ViewOf(kTask),
-                                   const char* task_parameter = nullptr) {
+                                   const char* task_parameter = nullptr,
+                                   View<const RunPreset> run_presets = {}) {
   return {.kind = ComponentKind::kEnvironment,
           .name = name,
           .aliases = aliases,
           .version = "1",
           .summary = "A task.",
           .parameters = parameters,
+          .run_presets = run_presets,
           .task_parameter = task_parameter,
           .create_environment = NoEnvironment};
 }
@@ -75,34 +78,35 @@ constexpr ComponentDescriptor PlannerOf(const char* name, View<const ParameterSp
           .create_planner = NoPlanner};
 }
 
-constexpr ComponentDescriptor kComponents[] = {Task("walker_walk", nullptr),
-                                               Task("cup_catch", "ball_in_cup_catch"),
-                                               Task("bridge", nullptr, ViewOf(kBridge), "id"),
-                                               {.kind = ComponentKind::kModel,
-                                                .traits = kLearns | kDefault,
-                                                .name = "dreamer",
-                                                .version = "1",
-                                                .summary = "A model.",
-                                                .parameters = ViewOf(kModel),
-                                                .create_model = NoModel},
-                                               {.kind = ComponentKind::kModel,
-                                                .traits = kNeedsEnvironment | kDefault,
-                                                .name = "oracle",
-                                                .version = "1",
-                                                .summary = "A model.",
-                                                .create_model = NoModel},
-                                               {.kind = ComponentKind::kModel,
-                                                .traits = kLearns,
-                                                .name = "another",
-                                                .version = "1",
-                                                .summary = "A model that must be named.",
-                                                .create_model = NoModel},
-                                               ModelOf("wishing", ViewOf(kWishes)),
-                                               ModelOf("misspelling", ViewOf(kUnknown)),
-                                               ModelOf("exaggerating", ViewOf(kTooLarge)),
-                                               PlannerOf("dreamer", ViewOf(kActor)),
-                                               PlannerOf("mcts_pw", ViewOf(kSearch)),
-                                               PlannerOf("cem", ViewOf(kCem))};
+constexpr ComponentDescriptor kComponents[] = {
+    Task("walker_walk", nullptr),
+    Task("cup_catch", "ball_in_cup_catch"),
+    Task("bridge", nullptr, ViewOf(kBridge), "id", ViewOf(kHabits)),
+    {.kind = ComponentKind::kModel,
+     .traits = kLearns | kDefault,
+     .name = "dreamer",
+     .version = "1",
+     .summary = "A model.",
+     .parameters = ViewOf(kModel),
+     .create_model = NoModel},
+    {.kind = ComponentKind::kModel,
+     .traits = kNeedsEnvironment | kDefault,
+     .name = "oracle",
+     .version = "1",
+     .summary = "A model.",
+     .create_model = NoModel},
+    {.kind = ComponentKind::kModel,
+     .traits = kLearns,
+     .name = "another",
+     .version = "1",
+     .summary = "A model that must be named.",
+     .create_model = NoModel},
+    ModelOf("wishing", ViewOf(kWishes)),
+    ModelOf("misspelling", ViewOf(kUnknown)),
+    ModelOf("exaggerating", ViewOf(kTooLarge)),
+    PlannerOf("dreamer", ViewOf(kActor)),
+    PlannerOf("mcts_pw", ViewOf(kSearch)),
+    PlannerOf("cem", ViewOf(kCem))};
 
 }  // namespace
 }  // namespace dreamsearch

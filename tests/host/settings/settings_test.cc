@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -102,6 +103,31 @@ TEST(ResolveMatrix, ModelsOfOneCommandEachHaveTheirRunValues) {
   options.settings = {CommandLine("run.steps", "1002")};
   ExpectRefusal([&] { ResolveMatrix(options, TestCatalogue()); }, ExitCode::kUsage,
                 {"run.action_repeat = 4", "1002"});
+}
+
+TEST(ResolveMatrix, AnEnvironmentsRunValuesStandAboveAModelsAndBelowFileAndCommandLine) {
+  Options options = Base();
+  options.preset = "paper";
+  options.models = {"dreamer", "wishing"};  // `wishing` asks for action_repeat 4
+  options.environments = {"walker_walk", "bridge:hop"};
+  const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
+  ASSERT_EQ(runs.size(), 4u);
+  std::map<std::string, std::uint32_t> repeats;
+  for (const RunSpec& run : runs) {
+    repeats[run.environment.task() + " " + run.model.name()] = run.action_repeat();
+    EXPECT_EQ(run.run.Integer("batch_size"), run.model.name() == "wishing" ? 128u : 50u);
+  }
+  EXPECT_EQ(repeats, (std::map<std::string, std::uint32_t>{{"walker_walk dreamer", 2},
+                                                           {"walker_walk wishing", 4},
+                                                           {"bridge:hop dreamer", 1},
+                                                           {"bridge:hop wishing", 1}}));
+  options.environments = {"bridge:hop"};
+  options.models = {"wishing"};
+  EXPECT_EQ(Resolve(options).run.Find("action_repeat")->origin, ValueOrigin::kEnvironment);
+  options.settings = {File("run.action_repeat", "5")};
+  EXPECT_EQ(Resolve(options).action_repeat(), 5u);
+  options.settings = {CommandLine("run.action_repeat", "3"), CommandLine("run.steps", "999")};
+  EXPECT_EQ(Resolve(options).action_repeat(), 3u);
 }
 
 TEST(ResolveMatrix, RefusesAModelThatAsksForWhatTheRunnerDoesNotHave) {

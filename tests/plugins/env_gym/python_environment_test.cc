@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -87,6 +88,27 @@ TEST_F(PythonEnvironmentTest, HasTheSpacesOfTheEnvironment) {
   EXPECT_EQ(spec.episode_steps, 1000u);  // it has no limit of its own
   EXPECT_EQ(spec.return_low, spec.return_high);
   EXPECT_GT(spec.control_seconds, 0);  // the host wants one
+}
+
+TEST_F(PythonEnvironmentTest, SaysOnceThatItAssumedATimeLimit) {
+  const OwnedEnvironment walk = Make(World("Walk"));
+  ASSERT_NE(walk->spec().notice, nullptr);
+  EXPECT_THAT(walk->spec().notice, HasSubstr("1000 environment steps (env.episode_steps)"));
+  PythonEnvironmentSettings limited = World("Walk");
+  limited.episode_steps = 7;
+  EXPECT_EQ(Make(limited)->spec().notice, nullptr);
+}
+
+TEST_F(PythonEnvironmentTest, NamesInterpreterPackagesAndTheModulesFiles) {
+  const OwnedEnvironment walk = Make(World("Walk"));
+  std::map<std::string, std::string> found;
+  for (const Ingredient& ingredient : walk->spec().ingredients) {
+    found[ingredient.name] = ingredient.value;
+  }
+  EXPECT_THAT(found["python"], testing::StartsWith("CPython 3."));
+  EXPECT_THAT(found["numpy"], testing::MatchesRegex("[0-9]+\\.[0-9.]+.*"));
+  EXPECT_THAT(found["worlds.py"], testing::MatchesRegex("[0-9a-f]{64}"));
+  EXPECT_EQ(found.size(), 3u);
 }
 
 TEST_F(PythonEnvironmentTest, LaysADictionaryOutInTheOrderOfItsSpace) {
@@ -178,6 +200,9 @@ TEST_F(PythonEnvironmentTest, RefusesWithASentenceOfItsOwn) {
   EXPECT_THAT(Refusal(World("Buttons")), HasSubstr("discrete ones are not supported"));
   EXPECT_THAT(Refusal(World("Nobody")), HasSubstr("has no class 'Nobody'"));
   EXPECT_THAT(Refusal(World("Needy")), HasSubstr("a_package_that_nobody_has"));
+  EXPECT_THAT(Refusal(World("Outdated")),
+              HasSubstr("cannot import what 'Outdated' needs: AttributeError: module 'numpy' has "
+                        "no attribute 'a_type_of_1998'"));
   EXPECT_THAT(Refusal(World("Walk", "[1]")), HasSubstr("expected a JSON object"));
   EXPECT_THAT(Refusal(World("Walk", R"({"size": 1})")), HasSubstr("unexpected keyword argument"));
   PythonEnvironmentSettings settings = World("Walk");

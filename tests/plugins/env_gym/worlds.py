@@ -114,6 +114,11 @@ class Crash(Walk):
         os.kill(os.getpid(), 11)
 
 
+class Outdated(Walk):
+    def __init__(self):
+        import outdated_world  # noqa: F401
+
+
 class Needy(Walk):
     def __init__(self):
         import a_package_that_nobody_has  # noqa: F401
