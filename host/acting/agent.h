@@ -57,6 +57,8 @@ class Agent {
   explicit Agent(const Parts& parts);
 
   void BeginEpisode(EpisodePurpose phase, std::uint64_t episode);
+  // From the next Decide on.
+  void set_run_seed(std::uint64_t seed) { parts_.run_seed = seed; }
 
   // Updates the belief with what the last action led to, and chooses the next.
   // observation: [O]; environment_step: steps the run has made.

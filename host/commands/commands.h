@@ -12,6 +12,7 @@ Command DescribeCommand();
 Command EvalCommand();
 Command ExplainCommand();
 Command ExportCommand();
+Command ExtendCommand();
 Command ListCommand();
 Command RenderCommand();
 Command ResumeCommand();

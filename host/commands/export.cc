@@ -1,4 +1,4 @@
-// runner export RUN - how do other programs get at a trained model?
+// runner export RUN - how do other programs get at a trained model, and at what it lived through?
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -10,7 +10,11 @@
 #include "host/processes/child_request.h"
 #include "host/saving/checkpoint.h"
 #include "host/saving/safetensors.h"
+#include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
+#include "host/training/episode_file.h"
+#include "host/training/experiment.h"
+#include "host/training/resumption.h"
 #include "results/system/error.h"
 #include "results/text/table.h"
 #include "results/text/text.h"
@@ -27,33 +31,85 @@ std::string ShapeText(const nlohmann::json& shape) {
 }
 
 struct Export {
-  std::string run, db = kDefaultDatabase, out;
+  std::string run, db = kDefaultDatabase, out, episodes;
   std::vector<std::string> plugin_path;
 
   CommandSpec Declare() {
-    return {.name = "runner export",
-            .summary = "writes the weights of a trained model as a safetensors file",
-            .examples = {"runner export 3 --out walker.safetensors",
-                         "python3 -c 'from safetensors.numpy import load_file; "
-                         "load_file(\"walker.safetensors\")'"},
-            .about =
-                "Python and other programs read the file: named float32 arrays, row-major. The "
-                "weights come from the run's newest checkpoint; the model names the arrays. The "
-                "command lists them on standard output with their shapes, slowest dimension "
-                "first. The file's __metadata__ says which run, task, planner, model and "
-                "configuration they come from.",
-            .arguments = {RunArgument(&run)},
-            .groups = {{"Where",
-                        {DatabaseFlag(&db),
-                         PluginPathFlag(&plugin_path),
-                         {"out", "FILE", Text(&out).Default("TASK_PLANNER_seedN.safetensors"),
-                          "write this file, or a file in this folder"}}}}};
+    return {
+        .name = "runner export",
+        .summary = "writes the weights of a trained model, or the episodes it learned from",
+        .examples = {"runner export 3 --out walker.safetensors",
+                     "python3 -c 'from safetensors.numpy import load_file; "
+                     "load_file(\"walker.safetensors\")'",
+                     "runner export 3 --episodes walker.npz",
+                     "python3 -c 'import numpy; print(numpy.load(\"walker.npz\")[\"rewards\"])'"},
+        .about =
+            "Python and other programs read the file: named float32 arrays, row-major. The "
+            "weights come from the run's newest checkpoint; the model names the arrays. The "
+            "command lists them on standard output with their shapes, slowest dimension "
+            "first. The file's __metadata__ says which run, task, planner, model and "
+            "configuration they come from.\n"
+            "With --episodes the training episodes are written instead (with --out as well), "
+            "from the newest checkpoint that holds the replay: of a finished run that is an "
+            "earlier one, with all but its last action if it was begun with --keep-replay. "
+            "NumPy's load reads the file: observations [R, O], actions [R, A] in [-1, 1], "
+            "rewards [R] as float32, terminated [R] and truncated [R] as bool, episode [R] as "
+            "int64. A row is what one decision led to; the first row of an episode is its "
+            "first observation, with an action and a reward of zero.",
+        .arguments = {RunArgument(&run)},
+        .groups = {{"Where",
+                    {DatabaseFlag(&db),
+                     PluginPathFlag(&plugin_path),
+                     {"out", "FILE", Text(&out).Default("TASK_PLANNER_seedN.safetensors"),
+                      "write this file, or a file in this folder"},
+                     {"episodes", "FILE", Text(&episodes),
+                      "write the training episodes to this .npz file"}}}}};
   }
   int Run();
+
+ private:
+  void WriteEpisodes(results::Database* database) const;
 };
+
+void Export::WriteEpisodes(results::Database* database) const {
+  const results::RunInfo info = database->GetRun(run);
+  const RunSpec spec = RecordedSpec(database, info);
+  const std::string name = "run " + std::to_string(info.run_id) + " (" + RunLabel(spec) + ")";
+  if (spec.evaluation) {
+    throw Failure(ExitCode::kUsage, name + " is an evaluation; expected a training");
+  }
+  const auto judge = [&](const Checkpoint& checkpoint) -> std::string {
+    if (!Experiment::HasReplay(checkpoint)) return "holds no replay";
+    return WhyUnfit(database, info, spec, checkpoint);
+  };
+  std::optional<CheckpointFolder::Loaded> loaded;
+  std::string why = "it has no checkpoint yet";
+  try {
+    loaded = CheckpointFolder(database->RunFolder(info)).LoadNewest(judge);
+  } catch (const Failure& error) {
+    if (error.code() != ExitCode::kBadInput) throw;
+    why = error.what();
+  }
+  if (!loaded) throw Failure(ExitCode::kNotFound, name + " kept no episodes: " + why);
+  const results::ResumePoint point = Experiment::ResumePointOf(loaded->checkpoint);
+  const std::unique_ptr<Replay> replay = Experiment::ReadReplay(loaded->checkpoint, spec);
+  std::uint64_t finished = 0;
+  for (const Replay::Episode& episode : replay->episodes()) finished += episode.finished;
+  const auto first = static_cast<std::uint64_t>(point.training_episodes) - finished;
+  const EpisodeFile file =
+      dreamsearch::WriteEpisodes(*replay, first, std::filesystem::absolute(episodes));
+  std::cerr << "wrote " << episodes << ": " << Counted(file.episodes, "episode") << " from "
+            << first << " on, " << GroupDigits(file.rows) << " rows, "
+            << FormatBytes(static_cast<double>(file.bytes)) << ", of " << name << " after "
+            << GroupDigits(static_cast<std::uint64_t>(point.env_step)) << " environment steps\n";
+}
 
 int Export::Run() {
   const auto database = results::Database::OpenReadOnly(db);
+  if (!episodes.empty()) {
+    WriteEpisodes(database.get());
+    if (out.empty()) return 0;
+  }
   const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
   const RunSpec& spec = trained.spec;

@@ -164,7 +164,11 @@ std::vector<Flag> RecordingFlags(ProcessOptions* process) {
   return {{"log-decisions", "", Switch(&process->log_decisions),
            "store a row of search statistics for every decision"},
           {"record-trees", "", Switch(&process->record_trees),
-           "keep the search trees of training decisions for `runner explain`"}};
+           "keep the search trees of training decisions for `runner explain`"},
+          {"keep-replay", "", Switch(&process->keep_replay),
+           "keep what a finished run needs to go on past its budget (`runner extend`): a "
+           "checkpoint with the whole replay, 4 bytes for each number observed, acted and "
+           "rewarded, before its last action"}};
 }
 
 Flag DryRunFlag(ProcessOptions* process) {

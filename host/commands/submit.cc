@@ -234,6 +234,7 @@ std::vector<std::string> Submit::TaskFlags() const {
   if (process.replace) flags.push_back("--replace");
   if (process.log_decisions) flags.push_back("--log-decisions");
   if (process.record_trees) flags.push_back("--record-trees");
+  if (process.keep_replay) flags.push_back("--keep-replay");
   return flags;
 }
 

@@ -6,6 +6,7 @@
 #include "host/commands/progress.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/probe.h"
+#include "host/sweeps/run_file.h"
 #include "host/sweeps/sweep.h"
 #include "host/training/build_and_host.h"
 #include "results/system/error.h"
@@ -90,6 +91,7 @@ int Verify::Run() {
   std::vector<SweepJob> jobs =
       RecordSweep(repeated.get(), options, {planned}, {probe.task}, {"runner", "verify"});
   jobs.front().work.agent_checkpoint = agent;
+  jobs.front().work.retries = ReadRunFile(database->RunFolder(run)).retries;
   const std::int64_t repeated_id = jobs.front().work.run_id;
   ProgressDisplay progress;
   const SweepResult result = RunSweep(repeated.get(), options, std::move(jobs), &progress);

@@ -153,6 +153,8 @@ std::unique_ptr<RunLoop> MakeRunLoop(const WorkerJob& job, const std::string& uu
   options.threads = &grant.threads();
   options.log_decisions = job.log_decisions;
   options.record_trees = job.record_trees;
+  options.keep_replay = job.keep_replay;
+  options.retries = job.retries;
   options.header = HeaderOf(job.spec, uuid);
   return std::make_unique<Experiment>(job.spec, options, writer, job.folder);
 }
@@ -196,6 +198,15 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
   if (!loaded && !job.spec.environment.ingredients.empty()) {
     writer.AddEvent(0, "info", "ingredients",
                     results::JsonText(nlohmann::json(job.spec.environment.ingredients)));
+  }
+  if (job.retried) {
+    const Retry& retry = job.retries.back();
+    const bool within = retry.env_step != Retry().env_step;
+    const std::string from =
+        within ? "decisions from environment step " + std::to_string(retry.env_step)
+               : "training episodes from " + std::to_string(retry.episode);
+    writer.AddEvent(point.env_step, "info", "retry",
+                    "retry " + std::to_string(retry.number) + ": " + from + " on have other seeds");
   }
 
   const double segment_started = ActivityClock::Now();

@@ -9,7 +9,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
+#include "host/settings/retry.h"
 #include "host/settings/settings.h"
 
 namespace dreamsearch {
@@ -28,6 +30,9 @@ struct WorkerJob {
   int nice = 0;                          // added to its niceness
   bool log_decisions = false;
   bool record_trees = false;
+  bool keep_replay = false;    // so that the run can be extended when it has finished
+  std::vector<Retry> retries;  // of the run; the last one is this job's if `retried`
+  bool retried = false;
   bool force = false;  // resume under another instruction set
 
   template <typename Archive>
@@ -42,6 +47,9 @@ struct WorkerJob {
     (*archive)("nice", &nice);
     (*archive)("log_decisions", &log_decisions);
     (*archive)("record_trees", &record_trees);
+    (*archive)("keep_replay", &keep_replay);
+    (*archive)("retries", &retries);
+    (*archive)("retried", &retried);
     (*archive)("force", &force);
   }
 };

@@ -75,6 +75,15 @@ void CheckpointWriter::Part(const PartName& part,
   parts_.push_back(std::move(entry));
 }
 
+void CheckpointWriter::CopyParts(const Checkpoint& from, const PartName& but) {
+  for (const Checkpoint::Entry& part : from.parts_) {
+    if (part.name == but.name) continue;
+    from.Verify(part);
+    from.ReadBytes(part, append_);
+    parts_.push_back({part.name, part.version, part.bytes, part.sha256});
+  }
+}
+
 void CheckpointWriter::Finish() {
   std::string list;
   StateWriter writer([&](std::string_view bytes) { list.append(bytes); });
@@ -232,17 +241,21 @@ void Checkpoint::Verify() const {
 void Checkpoint::Verify(const Entry& entry) const {
   if (entry.verified) return;
   Sha256 sha256;
-  std::string block(kBlockBytes, '\0');
-  for (std::uint64_t done = 0; done < entry.bytes;) {
-    const std::uint64_t size = std::min<std::uint64_t>(entry.bytes - done, block.size());
-    ReadAt(entry.offset + done, block.data(), size);
-    sha256.Add({block.data(), size});
-    done += size;
-  }
+  ReadBytes(entry, [&](std::string_view bytes) { sha256.Add(bytes); });
   if (sha256.FinishHex() != entry.sha256) {
     Damaged("the checksum of part '" + entry.name + "' does not match");
   }
   entry.verified = true;
+}
+
+void Checkpoint::ReadBytes(const Entry& entry, const Append& append) const {
+  std::string block(kBlockBytes, '\0');
+  for (std::uint64_t done = 0; done < entry.bytes;) {
+    const std::uint64_t size = std::min<std::uint64_t>(entry.bytes - done, block.size());
+    ReadAt(entry.offset + done, block.data(), size);
+    append({block.data(), size});
+    done += size;
+  }
 }
 
 void Checkpoint::Read(const PartName& part,

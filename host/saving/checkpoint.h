@@ -59,6 +59,8 @@ struct CheckpointHeader {
 };
 inline constexpr PartName kHeaderPart{"header", 1};
 
+class Checkpoint;
+
 // Writes the parts of one file, each once.
 class CheckpointWriter {
  public:
@@ -71,6 +73,8 @@ class CheckpointWriter {
   void Value(const PartName& part, T value) {
     Part(part, [&](StateWriter* writer) { value.Fields(writer); });
   }
+  // Every part of another file but that one, as it lies there.
+  void CopyParts(const Checkpoint& from, const PartName& but);
   // The list of parts; comes last.
   void Finish();
 
@@ -119,6 +123,7 @@ class Checkpoint {
   std::string StreamSha256(const PartName& part, const char* field) const;
 
  private:
+  friend class CheckpointWriter;  // it copies parts
   struct Entry {
     std::string name;
     std::uint32_t version = 0;
@@ -129,6 +134,8 @@ class Checkpoint {
   };
   void ReadFrame();
   void Verify(const Entry& entry) const;
+  // A part's bytes, a block at a time.
+  void ReadBytes(const Entry& entry, const Append& append) const;
   void ReadAt(std::uint64_t offset, void* data, std::uint64_t size) const;
   [[noreturn]] void Damaged(const std::string& what) const;
   std::string Advice() const;

@@ -41,6 +41,7 @@ struct ProcessOptions {
   bool replace = false;
   bool log_decisions = false;
   bool record_trees = false;
+  bool keep_replay = false;
   bool dry_run = false;
 };
 

@@ -3,48 +3,22 @@
 #include <algorithm>
 #include <iostream>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "host/plugins/catalogue.h"
 #include "host/processes/run_lock.h"
 #include "host/saving/checkpoint.h"
+#include "host/sweeps/run_file.h"
 #include "host/training/build_and_host.h"
+#include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
-#include "results/text/json_fields.h"
 #include "results/text/json_text.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
-
-// What a run's folder keeps of its job.
-struct RunFile {
-  RunSpec spec;
-  bool log_decisions = false;
-  bool record_trees = false;
-
-  template <typename Archive>
-  void Fields(Archive* archive) {
-    spec.Fields(archive);
-    (*archive)("log_decisions", &log_decisions);
-    (*archive)("record_trees", &record_trees);
-  }
-};
-constexpr char kRunFile[] = "run.json";
-
-// Throws Failure 65 if it is gone or not what `runner` wrote.
-RunFile ReadRunFile(const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / kRunFile;
-  try {
-    return results::FieldsFromJson<RunFile>(results::ParseJson(ReadWholeFile(path)));
-  } catch (const nlohmann::json::exception& error) {
-    throw Failure(ExitCode::kBadInput,
-                  path.string() + " is not what this `runner` writes: " + error.what() +
-                      ". Resume with the runner that wrote it, or start the run over (its command "
-                      "with --retry --replace)");
-  }
-}
 
 // ChangedPlugin by the run's row, which knows three of its plugins.
 std::string ChangedPlugin(results::Database* database, const results::RunInfo& run,
@@ -151,6 +125,19 @@ void ClearOwnFolder(const std::filesystem::path& folder) {
           ", so the run is not started over: " + error.message());
 }
 
+// From where the run goes on its training episodes get other seeds.
+void AddRetry(const Resumption& resumption, WorkerJob* work) {
+  Retry retry;
+  retry.number = work->retries.empty() ? 1 : work->retries.back().number + 1;
+  retry.episode = static_cast<std::uint64_t>(resumption.point.training_episodes);
+  if (resumption.checkpoint && Experiment::IsWithinEpisode(resumption.checkpoint->checkpoint)) {
+    ++retry.episode;
+    retry.env_step = static_cast<std::uint64_t>(resumption.point.env_step);
+  }
+  work->retries.push_back(retry);
+  work->retried = true;
+}
+
 // What the run was begun with recording is recorded on, whoever resumes it.
 SweepJob JobFor(results::Database* database, const ProcessOptions& options, const RunSpec& spec,
                 const results::RunInfo& run) {
@@ -167,26 +154,22 @@ SweepJob JobFor(results::Database* database, const ProcessOptions& options, cons
   job.work.nice = options.nice;
   job.work.log_decisions = options.log_decisions;
   job.work.record_trees = options.record_trees;
+  job.work.keep_replay = options.keep_replay;
   try {
     const RunFile before = ReadRunFile(job.work.folder);
     job.work.log_decisions = job.work.log_decisions || before.log_decisions;
     job.work.record_trees = job.work.record_trees || before.record_trees;
+    job.work.keep_replay = job.work.keep_replay || before.keep_replay;
+    job.work.retries = before.retries;
   } catch (const Failure&) {
     // It is new, or its process was killed before the file was there.
   }
-  return job;
-}
-
-void WriteRunFile(const WorkerJob& work) {
-  std::error_code error;
-  std::filesystem::create_directories(work.folder, error);
-  if (error) {
-    throw Failure(
-        error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kCannotCreate,
-        "cannot create the folder " + work.folder.string() + ": " + error.message());
+  if (options.retry && run.status == results::RunStatus::kDiverged && !spec.evaluation) {
+    AddRetry(
+        FindResumption(database, run, spec, job.work.folder, CheckpointFolder::Extent::kOutline),
+        &job.work);
   }
-  const RunFile file = {work.spec, work.log_decisions, work.record_trees};
-  WriteWholeFile(work.folder / kRunFile, results::JsonText(results::FieldsToJson(file), 2) + "\n");
+  return job;
 }
 
 }  // namespace
@@ -369,7 +352,9 @@ SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                       "another --study");
   }
   FindResumption(database, run, spec, database->RunFolder(run), CheckpointFolder::Extent::kOutline);
-  return JobFor(database, options, spec, run);
+  SweepJob job = JobFor(database, options, spec, run);
+  if (job.work.retried && !options.dry_run) WriteRunFile(job.work);
+  return job;
 }
 
 }  // namespace dreamsearch

@@ -73,6 +73,8 @@ std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec
 
 // The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
 // a plugin, a file that its settings name or an ingredient of its environment has changed.
+// With options.retry a diverged run is given its next Retry, which is recorded in its run.json
+// unless options.dry_run.
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run);
 

@@ -109,6 +109,9 @@ Experiment::Outcome Experiment::Run(const std::atomic<bool>* stop, const Watcher
             Watch(RunStage::kLearning);
             break;
           }
+          if (options_.keep_replay && target_ - at_.env_step <= spec_.action_repeat()) {
+            WriteCheckpoint(true);  // what follows happens only because the budget ends here
+          }
           MakeDecision();
           Watch(episode_.random != 0 ? RunStage::kExploring : RunStage::kInteracting);
           break;
@@ -152,6 +155,7 @@ void Experiment::Watch(RunStage stage) {
 
 void Experiment::BeginEpisode() {
   const ActivityScope scope(&clock_, Activity::kEnvironment);
+  episode_ = EpisodeState();
   ThrowUnlessOk(environment_->Reset(EnvironmentSeed(), {observation_.data(), observation_.size()}),
                 "environment '" + spec_.environment.name() + "' Reset");
   if (!AllFinite({observation_.data(), observation_.size()})) {
@@ -159,7 +163,6 @@ void Experiment::BeginEpisode() {
                                            "': the first observation is not finite");
   }
   replay_.BeginEpisode({observation_.data(), observation_.size()});
-  episode_ = EpisodeState();
   episode_.random = at_.env_step < spec_.run.Integer("prefill_steps") ? 1 : 0;
   episode_.transitions_before = agent_->transitions();
   std::fill(action_.begin(), action_.end(), 0.0);
@@ -174,12 +177,13 @@ void Experiment::MakeDecision() {
   const double begin = ActivityClock::Now();
   Decision decision;
   if (episode_.random != 0) {
-    Random random(SeedFor(spec_.seed, SeedUse::kRandomAction, EpisodePurpose::kTraining,
+    Random random(SeedFor(SeedAt(at_.env_step), SeedUse::kRandomAction, EpisodePurpose::kTraining,
                           at_.training_episodes, episode_.t));
     for (double& entry : action_) entry = random.Uniform(-1, 1);
   } else {
     const ActivityScope scope(&clock_, Activity::kPlanning);
     tree_.Clear();
+    agent_->set_run_seed(SeedAt(at_.env_step));
     decision = agent_->Decide({observation_.data(), observation_.size()}, true, at_.env_step,
                               options_.record_trees ? &tree_ : nullptr);
     std::copy(agent_->action().begin(), agent_->action().end(), action_.begin());

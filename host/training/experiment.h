@@ -31,6 +31,7 @@
 #include "host/acting/episode.h"
 #include "host/acting/joint_model.h"
 #include "host/saving/checkpoint.h"
+#include "host/settings/retry.h"
 #include "host/settings/settings.h"
 #include "host/training/reanalysis.h"
 #include "host/training/replay.h"
@@ -47,6 +48,8 @@ class Experiment final : public RunLoop {
     const std::atomic<std::uint32_t>* threads = nullptr;
     bool log_decisions = false;
     bool record_trees = false;                      // keep the training decisions' search trees
+    bool keep_replay = false;                       // a checkpoint before the budget's last action
+    std::vector<Retry> retries;                     // of the run
     double segment_started = ActivityClock::Now();  // from when time is accounted
     double gflop_per_second = 0;                    // of this machine: what processor time is worth
     CheckpointHeader header;                        // of every checkpoint, read by whoever resumes
@@ -74,6 +77,12 @@ class Experiment final : public RunLoop {
 
   // What a resume needs to know of a checkpoint without making the components.
   static results::ResumePoint ResumePointOf(const Checkpoint& checkpoint);
+  // Whether it was made in the middle of a training episode.
+  static bool IsWithinEpisode(const Checkpoint& checkpoint);
+  // Whether it holds the replay; the last one of a finished run does not.
+  static bool HasReplay(const Checkpoint& checkpoint);
+  // That replay. Searches are left out.
+  static std::unique_ptr<Replay> ReadReplay(const Checkpoint& checkpoint, const RunSpec& spec);
 
  private:
   enum class Stage : std::uint32_t { kEpisodeStart, kEpisode, kLearn, kEvaluate, kDone };
@@ -176,6 +185,8 @@ class Experiment final : public RunLoop {
   void SaveTrees(CheckpointWriter* file) const;
   void LoadEpisode(StateReader* part);
   void DumpDivergence(const std::string& message);
+  // What stands for the run's seed in the training episode, see SeedWithRetries.
+  std::uint64_t SeedAt(std::optional<std::uint64_t> env_step) const;
   std::uint32_t EnvironmentSeed() const;  // of the training episode
 
   const RunSpec spec_;

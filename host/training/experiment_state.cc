@@ -95,8 +95,12 @@ void Experiment::DumpDivergence(const std::string& message) {
   writer_->Commit();
 }
 
+std::uint64_t Experiment::SeedAt(std::optional<std::uint64_t> env_step) const {
+  return SeedWithRetries(spec_.seed, options_.retries, at_.training_episodes, env_step);
+}
+
 std::uint32_t Experiment::EnvironmentSeed() const {
-  return static_cast<std::uint32_t>(SeedFor(spec_.seed, SeedUse::kEnvironment,
+  return static_cast<std::uint32_t>(SeedFor(SeedAt(std::nullopt), SeedUse::kEnvironment,
                                             EpisodePurpose::kTraining, at_.training_episodes, 0));
 }
 
@@ -224,6 +228,20 @@ void Experiment::LoadEpisode(StateReader* part) {
     }
   }
   agent_->Load(part);
+}
+
+bool Experiment::IsWithinEpisode(const Checkpoint& checkpoint) {
+  return checkpoint.Has(kEpisodePart);
+}
+
+bool Experiment::HasReplay(const Checkpoint& checkpoint) { return checkpoint.Has(kReplayPart); }
+
+std::unique_ptr<Replay> Experiment::ReadReplay(const Checkpoint& checkpoint, const RunSpec& spec) {
+  std::unique_ptr<Replay> replay;
+  checkpoint.Read(kReplayPart, [&](StateReader* part) {
+    replay = Replay::Read(spec.search_candidates(), part);
+  });
+  return replay;
 }
 
 results::ResumePoint Experiment::ResumePointOf(const Checkpoint& checkpoint) {

@@ -228,17 +228,34 @@ void Replay::Save(StateWriter* writer) const {
   writer->Array("search_values", search_values_.get(), rows_);
 }
 
-void Replay::Load(StateReader* reader) {
-  std::uint64_t observation_size = 0, action_size = 0, rows = 0;
-  (*reader)("observation_size", &observation_size);
-  (*reader)("action_size", &action_size);
+Replay::Sizes::Sizes(StateReader* reader) {
+  (*reader)("observation_size", &observation);
+  (*reader)("action_size", &action);
   (*reader)("rows", &rows);
-  if (observation_size != observation_size_ || action_size != action_size_ || rows > capacity_) {
-    reader->Refuse("the replay does not fit: observations of " + std::to_string(observation_size) +
-                   ", actions of " + std::to_string(action_size) + ", " + std::to_string(rows) +
-                   " rows; expected " + std::to_string(observation_size_) + ", " +
-                   std::to_string(action_size_) + ", at most " + std::to_string(capacity_));
+}
+
+std::unique_ptr<Replay> Replay::Read(std::uint64_t search_candidates, StateReader* reader) {
+  const Sizes sizes(reader);
+  auto replay =
+      std::make_unique<Replay>(sizes.observation, sizes.action, sizes.rows, search_candidates);
+  replay->LoadRows(sizes.rows, reader);
+  return replay;
+}
+
+void Replay::Load(StateReader* reader) {
+  const Sizes sizes(reader);
+  if (sizes.observation != observation_size_ || sizes.action != action_size_ ||
+      sizes.rows > capacity_) {
+    reader->Refuse("the replay does not fit: observations of " + std::to_string(sizes.observation) +
+                   ", actions of " + std::to_string(sizes.action) + ", " +
+                   std::to_string(sizes.rows) + " rows; expected " +
+                   std::to_string(observation_size_) + ", " + std::to_string(action_size_) +
+                   ", at most " + std::to_string(capacity_));
   }
+  LoadRows(sizes.rows, reader);
+}
+
+void Replay::LoadRows(std::uint64_t rows, StateReader* reader) {
   std::vector<std::uint64_t> first, lengths, finished;
   (*reader)("episode_first", &first);
   (*reader)("episode_rows", &lengths);

@@ -66,14 +66,29 @@ class Replay {
   // only be destroyed.
   void Save(StateWriter* writer) const;
   void Load(StateReader* reader);
+  // One that has the size of what was saved: to be looked at, it has no room for more.
+  static std::unique_ptr<Replay> Read(std::uint64_t search_candidates, StateReader* reader);
 
- private:
   struct Episode {
     std::uint64_t first = 0;  // row
     std::uint64_t rows = 0;
     std::uint64_t finished = 0;
   };
+  // All of it, oldest first: the episodes, and of every row what it holds.
+  const std::vector<Episode>& episodes() const { return episodes_; }
+  MatrixView<const float> observations() const {
+    return {observations_.get(), rows_, observation_size_};
+  }
+  MatrixView<const float> actions() const { return {actions_.get(), rows_, action_size_}; }
+  View<const float> rewards() const { return {rewards_.get(), rows_}; }
+  View<const float> discounts() const { return {discounts_.get(), rows_}; }
 
+ private:
+  struct Sizes {
+    std::uint64_t observation = 0, action = 0, rows = 0;
+    explicit Sizes(StateReader* reader);
+  };
+  void LoadRows(std::uint64_t rows, StateReader* reader);
   void Append(View<const double> action, double reward, double discount,
               View<const double> observation, bool is_first);
   void MakeRoom();

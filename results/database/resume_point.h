@@ -42,6 +42,12 @@ struct ResumePoint {
 // What the database has of the rows that a checkpoint has seen.
 RowSums RowSumsAt(Database* database, std::int64_t run_id, const ResumePoint& point);
 
+// Gives a run that has made no checkpoint the rows that one of another run, of the same task and
+// seed, has seen: decisions, episodes, scalars, times, events, and the segments that made them. In
+// one transaction.
+void CopyRows(Database* database, std::int64_t from_run, std::int64_t to_run,
+              const ResumePoint& point);
+
 // Within a transaction: deletes what was recorded of the run past the point, and remakes the
 // bins and digests of what is left. Events that say how a segment began or ended stay.
 // Returns how many rows it deleted, those of bins not counted.

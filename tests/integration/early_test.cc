@@ -86,5 +86,33 @@ TEST_F(EarlyTest, ARunIsGivenUpAfterEpisodesInARowThatDiverge) {
             "3");
 }
 
+TEST_F(EarlyTest, ARetriedRunHasOtherSeedsFromThereOnAndDoesNotDivergeAtTheSameStepForEver) {
+  // The third episode of seed 2 diverges, after the checkpoint of environment step 319.
+  const std::vector<std::string> more = {"--set", "run.diverged_episodes=1", "--seed-list", "2"};
+  std::vector<std::string> again = more;
+  again.push_back("--retry");
+  ProgramResult result = Run("rarely_bad", more);
+  ASSERT_EQ(result.exit_status, 72) << result.err;
+  const std::string kept =
+      "select group_concat(digest) from episode where phase = 0 and episode < 2";
+  const std::string before = Value(kept);
+  ASSERT_EQ(Value("select max(env_step) from artifact where kind = 'checkpoint'"), "319");
+  int retries = 0;
+  while (result.exit_status == 72 && retries < 40) {
+    result = Run("rarely_bad", again);
+    ++retries;
+  }
+  ASSERT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(Value("select status from run"), "finished");
+  EXPECT_EQ(Value(kept), before);
+  // Each is recorded with its number, and where it began.
+  EXPECT_EQ(Value("select count(*) from event where kind = 'retry'"), std::to_string(retries));
+  EXPECT_EQ(Value("select detail from event where kind = 'retry' order by seq limit 1"),
+            "retry 1: training episodes from 2 on have other seeds");
+  // What it became can be had again.
+  const ProgramResult verified = place_.Runner({"verify", "1", "--db", "e.db"});
+  EXPECT_EQ(verified.exit_status, 0) << verified.out << verified.err;
+}
+
 }  // namespace
 }  // namespace dreamsearch
