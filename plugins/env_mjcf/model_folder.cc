@@ -1,5 +1,8 @@
 #include "plugins/env_mjcf/model_folder.h"
 
+#include <openssl/evp.h>
+
+#include <array>
 #include <fstream>
 #include <iterator>
 #include <set>
@@ -17,6 +20,21 @@ using std::filesystem::path;
 
 constexpr std::size_t kMostFiles = 10000;
 
+std::string Sha256Hex(const std::string& bytes) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
+  unsigned int size = 0;
+  if (::EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, ::EVP_sha256(), nullptr) !=
+      1) {
+    throw EngineError("cannot compute a SHA-256");
+  }
+  std::string text;
+  for (unsigned int i = 0; i < size; ++i) {
+    text += "0123456789abcdef"[digest[i] >> 4];
+    text += "0123456789abcdef"[digest[i] & 15];
+  }
+  return text;
+}
+
 // Follows a model's references. Where the engine looks for a file depends on its version and on
 // the compiler's settings, so every place where it might look must lie inside.
 class Walk {
@@ -27,13 +45,17 @@ class Walk {
     if (error) Refuse("its folder cannot be read: " + error.message());
   }
 
-  void Run() {
-    Visit(std::filesystem::canonical(model_.parent_path()) / model_.filename());
+  // SHA-256 of every file that it met but the model's own, by its path in the folder.
+  std::map<std::string, std::string> Run() {
+    const path own = std::filesystem::canonical(model_.parent_path()) / model_.filename();
+    Visit(own);
     while (!found_all_) {
       found_all_ = true;
       // A folder or an included file that comes later widens where earlier names may lie.
       for (const auto& [attribute, value] : std::set(files_)) Follow(attribute, value);
     }
+    digests_.erase(own.lexically_relative(folder_).string());
+    return digests_;
   }
 
  private:
@@ -54,6 +76,7 @@ class Walk {
     const std::string text{std::istreambuf_iterator<char>(stream), {}};
     if (!stream) Refuse(file.string() + " cannot be read");
     found_all_ = false;
+    digests_[file.lexically_relative(folder_).string()] = Sha256Hex(text);
     places_.insert(file.parent_path().lexically_relative(folder_));
     for (const FileReference& reference : mujoco::FileReferences(text)) {
       const auto& [attribute, value, is_folder] = reference;
@@ -120,14 +143,15 @@ class Walk {
   std::set<path> places_;   // folders of the files visited, relative to folder_
   std::set<path> folders_;  // meshdir, texturedir, ...
   std::set<std::pair<std::string, std::string>> files_;
+  std::map<std::string, std::string> digests_;
   bool found_all_ = false;
 };
 
 }  // namespace
 
-mujoco::ModelPtr CompileInFolder(const path& model) {
-  Walk(model).Run();
-  return mujoco::CompileFile(model.string());
+FolderModel CompileInFolder(const path& model) {
+  std::map<std::string, std::string> files = Walk(model).Run();
+  return {mujoco::CompileFile(model.string()), std::move(files)};
 }
 
 }  // namespace dreamsearch::mjcf

@@ -61,7 +61,10 @@ ModelTask::Parsed::Parsed(const ModelTaskSettings& settings) {
         "lower=1.2, margin=0.6)");
   }
   task.name = settings.name;
-  task.model = CompileInFolder(settings.model);
+  FolderModel compiled = CompileInFolder(settings.model);
+  task.model = std::move(compiled.model);
+  task.made_of = std::move(compiled.files);
+  task.made_of["MuJoCo"] = mj_versionString();
   const mjModel& model = *task.model;
   task.substeps = SubstepsOf(settings.control_step, model.opt.timestep);
   task.episode_steps = settings.episode_steps;

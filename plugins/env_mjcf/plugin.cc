@@ -1,4 +1,4 @@
-// plugin.cc - the component `mjcf`: the user's own MuJoCo model as a task.
+// plugin.cc - the component `mjcf`, or on MuJoCo 3 `mjcf3`: the user's own model as a task.
 #include "dreamsearch/plugin.h"
 
 #include <array>
@@ -13,7 +13,8 @@ namespace dreamsearch::mjcf {
 namespace {
 
 constexpr ParameterSpec kTaskParameters[] = {
-    TextParameter("task", "", "What the task is called, as in mjcf:NAME."),
+    TextParameter("task", "",
+                  "What the task is called, as in " DREAMSEARCH_MJCF_COMPONENT ":NAME."),
     PathParameter("model", "",
                   "The model, an MJCF or URDF file. It may include files and name assets in its "
                   "own folder and below."),
@@ -65,7 +66,8 @@ Status Make(const EnvironmentContext& context, Environment** result) noexcept {
   try {
     ModelTaskSettings settings;
     settings.name = parameters.GetText("task");
-    settings.name = settings.name.empty() ? "mjcf" : "mjcf:" + settings.name;
+    const std::string component = DREAMSEARCH_MJCF_COMPONENT;
+    settings.name = settings.name.empty() ? component : component + ":" + settings.name;
     settings.model = parameters.GetText("model");
     settings.actuators = parameters.GetText("actuators");
     settings.observation = parameters.GetText("observation");
@@ -90,9 +92,11 @@ Status Make(const EnvironmentContext& context, Environment** result) noexcept {
 
 constexpr ComponentDescriptor kComponents[] = {
     {.kind = ComponentKind::kEnvironment,
-     .name = "mjcf",
+     .name = DREAMSEARCH_MJCF_COMPONENT,
      .version = "1.0.0",
-     .summary = "your own MuJoCo model as a task, by parameters alone",
+     .summary = mjVERSION_HEADER < 300
+                    ? "your own MuJoCo model as a task, by parameters alone"
+                    : "your own model for MuJoCo 3 as a task, by parameters alone",
      .parameters = {kParameters.data(), kParameters.size()},
      .task_parameter = "task",
      .create_environment = Make},
@@ -101,4 +105,4 @@ constexpr ComponentDescriptor kComponents[] = {
 }  // namespace
 }  // namespace dreamsearch::mjcf
 
-DREAMSEARCH_PLUGIN("env_mjcf", "1.0.0", dreamsearch::mjcf::kComponents)
+DREAMSEARCH_PLUGIN(DREAMSEARCH_MJCF_PLUGIN, "1.0.0", dreamsearch::mjcf::kComponents)

@@ -31,6 +31,22 @@ std::uint64_t HashDoubles(const unsigned char* values, std::size_t count, std::u
   return hash;
 }
 
+// What else of mjData decides the future where the engine is MuJoCo 3: equalities that are
+// switched, plugins, delayed sensors and actuators.
+#if mjVERSION_HEADER >= 300
+int EngineStateSize(const mjModel* model) { return mj_stateSize(model, mjSTATE_INTEGRATION); }
+void GetEngineState(const mjModel* model, const mjData* data, double* state) {
+  mj_getState(model, data, state, mjSTATE_INTEGRATION);
+}
+void SetEngineState(const mjModel* model, mjData* data, const double* state) {
+  mj_setState(model, data, state, mjSTATE_INTEGRATION);
+}
+#else
+int EngineStateSize(const mjModel*) { return 0; }
+void GetEngineState(const mjModel*, const mjData*, double*) {}
+void SetEngineState(const mjModel*, mjData*, const double*) {}
+#endif
+
 }  // namespace
 
 struct ControlTask::StateHeader {
@@ -56,6 +72,7 @@ ControlTask::ControlTask(TaskSettings settings)
       actuators_(std::move(settings.actuators)),
       action_low_(std::move(settings.action_low)),
       action_high_(std::move(settings.action_high)),
+      made_of_(std::move(settings.made_of)),
       qpos_before_(model_->nq) {
   if (data_ == nullptr) throw EngineError("cannot allocate mjData");
   if (actuators_.empty()) {
@@ -75,6 +92,8 @@ ControlTask::ControlTask(TaskSettings settings)
   spec_.action_high = {action_high_.data(), action_high_.size()};
   spec_.control_seconds = model_->opt.timestep * substeps_;
   spec_.substeps = static_cast<std::uint32_t>(substeps_);
+  for (const auto& [name, value] : made_of_) ingredients_.push_back({name.c_str(), value.c_str()});
+  spec_.ingredients = {ingredients_.data(), ingredients_.size()};
   spec_.episode_steps = settings.episode_steps;
   spec_.terminates = settings.terminates;
   spec_.return_low = settings.return_low;
@@ -188,6 +207,7 @@ void ControlTask::ObserveWithNoise(std::uint32_t step, View<double> observation)
 // the seed of the noise. All else mj_step1 computes from these.
 void ControlTask::LayOutState() {
   std::size_t size = 1 + model_->nq + 2 * model_->nv + model_->na;
+  size += static_cast<std::size_t>(EngineStateSize(model_.get()));
   size += delayed_.size() + (variation_.observation_noise != 0 ? 1 : 0);
   for (const auto& values : written_) size += values.size();
   packed_.resize(size);
@@ -197,6 +217,8 @@ void ControlTask::LayOutState() {
 
 void ControlTask::PackState() {
   double* out = packed_.data();
+  GetEngineState(model_.get(), data_.get(), out);
+  out += EngineStateSize(model_.get());
   *out++ = data_->time;
   out = std::copy_n(qpos_before_.data(), model_->nq, out);
   out = std::copy_n(data_->qvel, model_->nv, out);
@@ -248,6 +270,8 @@ Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
   try {
     std::memcpy(packed_.data(), values, packed_.size() * sizeof(double));
     const double* in = packed_.data();
+    SetEngineState(model_.get(), data_.get(), in);
+    in += EngineStateSize(model_.get());
     data_->time = *in++;
     const auto take = [&in](mjtNum* to, std::size_t count) {
       std::copy_n(in, count, to);

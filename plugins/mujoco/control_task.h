@@ -15,6 +15,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -42,6 +43,7 @@ struct TaskSettings {
   std::vector<int> actuators = {};       // that actions drive, in their order; empty: all
   std::vector<double> action_low = {};   // of these; empty: the model's control ranges
   std::vector<double> action_high = {};  //
+  std::map<std::string, std::string> made_of = {};  // EnvironmentSpec::ingredients
   std::uint32_t episode_steps = 1000;
   bool terminates = false;  // Terminated may be true
   double return_low = 0;
@@ -145,6 +147,8 @@ class ControlTask : public Environment {
   std::vector<int> actuators_;
   std::vector<double> action_low_;
   std::vector<double> action_high_;
+  std::map<std::string, std::string> made_of_;
+  std::vector<Ingredient> ingredients_;
   EnvironmentSpec spec_;
   std::vector<std::span<mjtNum>> written_;
   std::unique_ptr<Renderer> renderer_;  // from the first picture on

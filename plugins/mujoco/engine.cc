@@ -41,10 +41,16 @@ using VfsPtr = std::unique_ptr<mjVFS, VfsDeleter>;
 
 void AddFile(mjVFS* vfs, const std::string& file, std::string_view text) {
   if (text.empty()) throw EngineError("'" + file + "' is empty");
+#if mjVERSION_HEADER >= 300
+  if (mj_addBufferVFS(vfs, file.c_str(), text.data(), static_cast<int>(text.size())) != 0) {
+    throw EngineError("cannot hold '" + file + "' in memory");
+  }
+#else
   if (mj_makeEmptyFileVFS(vfs, file.c_str(), static_cast<int>(text.size())) != 0) {
     throw EngineError("cannot hold '" + file + "' in memory");
   }
   std::memcpy(vfs->filedata[mj_findFileVFS(vfs, file.c_str())], text.data(), text.size());
+#endif
 }
 
 // `files`, for the engine to find by name.
@@ -98,7 +104,16 @@ ModelPtr CompileFile(const std::string& path) {
   } catch (const EngineError& raised) {
     reason = raised.what();
   }
-  throw EngineError(path + " does not compile with MuJoCo " + mj_versionString() + ": " + reason);
+  std::string message =
+      path + " does not compile with MuJoCo " + mj_versionString() + ": " + reason;
+#if mjVERSION_HEADER < 300
+  if (reason.find("unrecognized") != std::string::npos) {
+    message +=
+        ". A model for MuJoCo 3 is a task of the plugin env_mjcf3, --env mjcf3:NAME "
+        "(plugins/env_mjcf/README.md, \"Models of today\")";
+  }
+#endif
+  throw EngineError(message);
 }
 
 ModelPtr CompileModel(const std::string& name, std::string_view mjcf,

@@ -1,7 +1,9 @@
 // A world of the user's own, and a trained agent in a changed one.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <fstream>
+#include <iterator>
 
 #include "tests/integration/program.h"
 
@@ -73,6 +75,67 @@ TEST_F(WorldTest, ARunDoesNotResumeAfterItsModelFileHasChanged) {
   const ProgramResult replaced = Crane({"--replace"});
   EXPECT_EQ(replaced.exit_status, 0) << replaced.err;
   EXPECT_EQ(Value("select status from run"), "finished");
+}
+
+TEST_F(WorldTest, ARunDoesNotResumeAfterAFileThatItsModelIncludesHasChanged) {
+  std::ofstream(place_.Path("worlds/floor.xml"))
+      << "<mujoco><worldbody><geom name='pit' type='plane' pos='0 0 -9' size='9 9 1' "
+         "contype='0' conaffinity='0'/></worldbody></mujoco>\n";
+  std::ifstream model(place_.Path("worlds/crane.xml"));
+  std::string text{std::istreambuf_iterator<char>(model), {}};
+  const std::size_t end = text.rfind("</mujoco>");
+  text.insert(end, "<include file=\"floor.xml\"/>");
+  std::ofstream(place_.Path("worlds/crane.xml")) << text;
+  const ProgramResult begun = Crane();
+  ASSERT_EQ(begun.exit_status, 0) << begun.err;
+  EXPECT_NE(Value("select detail from event where kind = 'ingredients'").find("\"floor.xml\":"),
+            std::string::npos);
+  Unfinish();
+  std::ofstream(place_.Path("worlds/floor.xml"), std::ios::app) << "\n";
+  const std::string changed = "floor.xml of environment 'mjcf:crane' changed (SHA-256 ";
+  for (const ProgramResult& refused : {Crane(), place_.Runner({"resume", "1", "--db", "w.db"})}) {
+    EXPECT_EQ(refused.exit_status, 69) << refused.err;
+    EXPECT_NE(refused.err.find(changed), std::string::npos) << refused.err;
+  }
+  EXPECT_EQ(Crane({"--replace"}).exit_status, 0);
+  EXPECT_EQ(place_.Runner({"verify", "1", "--db", "w.db"}).exit_status, 0);
+}
+
+TEST_F(WorldTest, APythonWorldKeepsItsHabitsAndIsRefusedOnceItsModulesHaveChanged) {
+  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
+  }
+  std::filesystem::copy(
+      std::filesystem::path(DREAMSEARCH_SOURCE_DIR) / "tests/plugins/env_gym/worlds.py",
+      place_.Path("worlds/walks.py"));
+  std::ofstream(place_.Path("worlds/mine.py")) << "from walks import Walk as Mine\n";
+  const auto run = [&](const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"--set", "gym.module=worlds/mine.py",
+                                          "--set", "gym.python=/usr/bin/python3",
+                                          "--set", "gym.arguments={\"edge\": 1e9}"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return place_.Runner(TinyRun("gym:Mine", "dreamer", "w.db", arguments));
+  };
+  const ProgramResult begun = run();
+  ASSERT_EQ(begun.exit_status, 0) << begun.err;
+  EXPECT_NE(begun.err.find("note: gym:Mine has no time limit of its own; an episode ends after "
+                           "1000 environment steps (env.episode_steps)"),
+            std::string::npos)
+      << begun.err;
+  EXPECT_EQ(Value("select action_repeat from run"), "1");
+  EXPECT_EQ(Value("select max(length) from episode"), "1000");
+  const std::string made_of = Value("select detail from event where kind = 'ingredients'");
+  for (const char* name :
+       {"\"python\":\"CPython 3", "\"numpy\":", "\"mine.py\":", "\"walks.py\":"}) {
+    EXPECT_NE(made_of.find(name), std::string::npos) << made_of;
+  }
+  Unfinish();
+  std::ofstream(place_.Path("worlds/walks.py"), std::ios::app) << "\n";
+  const ProgramResult refused = run();
+  EXPECT_EQ(refused.exit_status, 69) << refused.err;
+  EXPECT_NE(refused.err.find("walks.py of environment 'gym:Mine' changed (SHA-256 "),
+            std::string::npos)
+      << refused.err;
 }
 
 TEST_F(WorldTest, AnEvaluationSaysThatTheModelFileHasChangedAndIsRefusedWithoutIt) {

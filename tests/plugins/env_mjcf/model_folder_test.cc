@@ -11,6 +11,8 @@ namespace {
 constexpr char kBall[] = "<mujoco><worldbody><geom name='ball' size='1'/></worldbody></mujoco>";
 constexpr char kTetrahedron[] =
     "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+constexpr char kTetrahedronSha256[] =
+    "b391f08159e507ad3a0fa80558bdb046e150e38868378c9972072d54ad65f858";
 
 std::string WithMesh(const std::string& compiler, const std::string& file) {
   return "<mujoco><compiler " + compiler + "/><asset><mesh name='m' file='" + file +
@@ -32,8 +34,27 @@ TEST(CompileInFolder, TakesIncludesAndAssetsOfItsFolderAndBelow) {
   };
   for (const std::string& model : models) {
     const std::string path = files.Write("model.xml", model);
-    EXPECT_EQ(MessageOf([&] { EXPECT_EQ(CompileInFolder(path)->ngeom, 1); }), "") << model;
+    EXPECT_EQ(MessageOf([&] { EXPECT_EQ(CompileInFolder(path).model->ngeom, 1); }), "") << model;
   }
+}
+
+TEST(CompileInFolder, DigestsEveryFileThatItReads) {
+  const ModelFiles files;
+  files.Write("parts/ball.xml", kBall);
+  files.Write("parts/m.obj", kTetrahedron);
+  files.Write("unused.obj", kTetrahedron);
+  const std::string path = files.Write(
+      "model.xml",
+      "<mujoco><include file='parts/ball.xml'/><asset><mesh name='m' file='parts/m.obj'/></asset>"
+      "<worldbody><geom type='mesh' mesh='m'/></worldbody></mujoco>");
+  const auto digests = CompileInFolder(path).files;
+  ASSERT_EQ(digests.size(), 2u);  // the model's own is the setting's
+  // sha256sum of the text above
+  EXPECT_EQ(digests.at("parts/m.obj"), kTetrahedronSha256);
+  files.Write("parts/ball.xml", std::string(kBall) + "\n");
+  const auto changed = CompileInFolder(path).files;
+  EXPECT_NE(changed.at("parts/ball.xml"), digests.at("parts/ball.xml"));
+  EXPECT_EQ(changed.at("parts/m.obj"), digests.at("parts/m.obj"));
 }
 
 TEST(CompileInFolder, RefusesAllThatLeadsOutside) {
