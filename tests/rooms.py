@@ -12,7 +12,7 @@ import sys
 # From the lowest up. Host may include every room of results but its program.
 ROOMS = {
     "results": ["system", "text", "statistics", "command_line", "database", "upkeep", "analysis", "figures", "report", "program"],
-    "host": ["plugins", "settings", "saving", "acting", "training", "processes", "films", "sweeps", "clusters", "commands", ""],
+    "host": ["plugins", "settings", "saving", "acting", "training", "processes", "films", "sweeps", "clusters", "flags", "commands", ""],
 }
 MOST_FILES = 20
 

@@ -143,8 +143,8 @@ Components::Components(const RunSpec& spec)
       model_(&Load(spec.model, ComponentKind::kModel)),
       planner_(&Load(spec.planner, ComponentKind::kPlanner)),
       evaluation_planner_(&Load(spec.eval_planner, ComponentKind::kPlanner)) {
-  if (spec.evaluation && spec.evaluation->behaviour) {
-    behaviour_ = &Load(*spec.evaluation->behaviour, ComponentKind::kModel);
+  if (spec.evaluation && spec.evaluation->trained_model) {
+    trained_ = &Load(*spec.evaluation->trained_model, ComponentKind::kModel);
   }
 }
 
@@ -169,7 +169,7 @@ EnvironmentPtr Components::MakeEnvironment() const {
 ModelPtr Components::MakeModel(const ResolvedComponent& component,
                                const ComponentDescriptor& descriptor,
                                const EnvironmentSpec& environment, std::uint32_t threads,
-                               Environment* own_environment, Model* behaviour) const {
+                               Environment* own_environment, Model* trained_model) const {
   const ParameterStorage parameters(component.parameters);
   ModelContext context;
   context.parameters = parameters.view();
@@ -181,7 +181,7 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.terminates = environment.terminates;
   context.seed = SeedFor(spec_.seed, SeedUse::kParameters, EpisodePurpose::kTraining, 0, 0);
   context.environment = own_environment;
-  context.behaviour = behaviour;
+  context.trained_model = trained_model;
   Model* model = nullptr;
   const Status status = descriptor.create_model(context, &model);
   ModelPtr made(FactoryResult(status, model, "model", component.name()));
@@ -191,14 +191,14 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
 }
 
 ModelPtr Components::MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
-                               Environment* own_environment, Model* behaviour) const {
-  return MakeModel(spec_.model, *model_, environment, threads, own_environment, behaviour);
+                               Environment* own_environment, Model* trained_model) const {
+  return MakeModel(spec_.model, *model_, environment, threads, own_environment, trained_model);
 }
 
-ModelPtr Components::MakeBehaviour(const EnvironmentSpec& environment,
-                                   std::uint32_t threads) const {
-  if (behaviour_ == nullptr) return nullptr;
-  return MakeModel(*spec_.evaluation->behaviour, *behaviour_, environment, threads, nullptr,
+ModelPtr Components::MakeTrainedModel(const EnvironmentSpec& environment,
+                                      std::uint32_t threads) const {
+  if (trained_ == nullptr) return nullptr;
+  return MakeModel(*spec_.evaluation->trained_model, *trained_, environment, threads, nullptr,
                    nullptr);
 }
 

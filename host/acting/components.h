@@ -50,12 +50,12 @@ class Components {
 
   EnvironmentPtr MakeEnvironment() const;
   // `threads` as for Model::SetThreads. `own_environment` is for a model that needs one,
-  // `behaviour` for one that takes proposal and value from a trained run; both must
+  // `trained_model` for one that takes proposal and value from a trained run; both must
   // outlive the model.
   ModelPtr MakeModel(const EnvironmentSpec& environment, std::uint32_t threads,
-                     Environment* own_environment, Model* behaviour = nullptr) const;
+                     Environment* own_environment, Model* trained_model = nullptr) const;
   // The trained run's model of an evaluation that names one, otherwise null.
-  ModelPtr MakeBehaviour(const EnvironmentSpec& environment, std::uint32_t threads) const;
+  ModelPtr MakeTrainedModel(const EnvironmentSpec& environment, std::uint32_t threads) const;
   PlannerPtr MakePlanner(const LatentModel& model) const;
   PlannerPtr MakeEvaluationPlanner(const LatentModel& model) const;
 
@@ -67,7 +67,7 @@ class Components {
  private:
   ModelPtr MakeModel(const ResolvedComponent& model, const ComponentDescriptor& descriptor,
                      const EnvironmentSpec& environment, std::uint32_t threads,
-                     Environment* own_environment, Model* behaviour) const;
+                     Environment* own_environment, Model* trained_model) const;
   static PlannerPtr MakePlanner(const ResolvedComponent& planner,
                                 const ComponentDescriptor& descriptor, const LatentModel& model);
 
@@ -76,7 +76,7 @@ class Components {
   const ComponentDescriptor* model_;
   const ComponentDescriptor* planner_;
   const ComponentDescriptor* evaluation_planner_;
-  const ComponentDescriptor* behaviour_ = nullptr;
+  const ComponentDescriptor* trained_ = nullptr;
 };
 
 }  // namespace dreamsearch

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
+#include "host/flags/flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/settings/run_parameters.h"
 #include "host/settings/settings.h"

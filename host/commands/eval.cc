@@ -5,9 +5,9 @@
 
 #include "host/acting/episode.h"
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
 #include "host/commands/progress.h"
-#include "host/commands/run_flags.h"
+#include "host/flags/flags.h"
+#include "host/flags/run_flags.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/evaluations.h"
 #include "host/sweeps/probe.h"
@@ -89,7 +89,7 @@ struct Eval {
 
 int Eval::Run(const Words& words) {
   CompleteEvaluation(&evaluation);
-  const Options& options = evaluation.choice;
+  const RunOptions& options = evaluation.choice;
   const std::string db = options.process.db.string();
   std::unique_ptr<results::Database> database;
   std::vector<RunSpec> specs;

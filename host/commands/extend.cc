@@ -2,8 +2,8 @@
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
 #include "host/commands/progress.h"
+#include "host/flags/flags.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/extension.h"
 #include "host/sweeps/probe.h"
@@ -89,7 +89,7 @@ int Extend::Run(const Words& words) {
   if (!HasCheckpoint(database.get(), plan)) {
     checkpoint = ExtensibleCheckpoint(database.get(), run, spec);
   }
-  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, kProbeTimeoutSeconds).task;
+  const results::TaskInfo task = ProbeRun(spec, ProbeDepth::kTask, options).task;
   std::vector<std::string> argv = {"runner", "extend"};
   argv.insert(argv.end(), words.begin(), words.end());
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options, planned, {task}, argv);

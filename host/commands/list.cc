@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
+#include "host/flags/flags.h"
 #include "host/plugins/catalogue.h"
 #include "results/system/error.h"
 #include "results/text/names.h"

@@ -7,10 +7,10 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
-#include "host/commands/run_flags.h"
 #include "host/films/film_writer.h"
 #include "host/films/filmed_episode.h"
+#include "host/flags/flags.h"
+#include "host/flags/run_flags.h"
 #include "host/sweeps/evaluations.h"
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
@@ -54,7 +54,7 @@ struct Render {
   bool plain = false, strip = false;
 
   CommandSpec Declare() {
-    Options* options = &evaluation.choice;
+    RunOptions* options = &evaluation.choice;
     options->evaluate = true;
     options->preset.clear();
     options->study.clear();
@@ -119,7 +119,7 @@ struct Render {
 };
 
 std::vector<Shown> Render::Begin() {
-  Options& options = evaluation.choice;
+  RunOptions& options = evaluation.choice;
   std::vector<RunSpec> specs;
   std::filesystem::path agent;
   if (!evaluation.run.empty()) {

@@ -3,8 +3,8 @@
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
 #include "host/commands/progress.h"
+#include "host/flags/flags.h"
 #include "host/processes/run_lock.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/sweep.h"

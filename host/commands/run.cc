@@ -8,9 +8,9 @@
 #include <thread>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
 #include "host/commands/progress.h"
-#include "host/commands/run_flags.h"
+#include "host/flags/flags.h"
+#include "host/flags/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/supervisor.h"
 #include "host/settings/memory.h"
@@ -139,7 +139,7 @@ void SayStopping(const ProcessOptions& options, double bytes, double saving) {
   }
 }
 
-int DryRun(const Options& options, const std::vector<PlannedRun>& runs,
+int DryRun(const RunOptions& options, const std::vector<PlannedRun>& runs,
            const std::vector<ProbeResult>& probes) {
   std::cout << "runs\n";
   double seconds = 0, bytes = 0, longest = 0, memory = 0, checkpoint = 0, saving = 0;
@@ -226,7 +226,7 @@ class ScratchObserver : public SweepObserver {
 };
 
 struct Train {
-  Options options;
+  RunOptions options;
 
   CommandSpec Declare() { return RunFlags(&options); }
   int Run(const Words& words);

@@ -11,8 +11,8 @@
 #include "host/clusters/slurm.h"
 #include "host/clusters/submission.h"
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
-#include "host/commands/run_flags.h"
+#include "host/flags/flags.h"
+#include "host/flags/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/run_lock.h"
 #include "host/settings/settings.h"
@@ -31,7 +31,7 @@ namespace {
 constexpr double kLeastTimeSeconds = 300;
 
 struct Submit {
-  Options options;
+  RunOptions options;
   std::string folder;
   Allocation allocation;
   std::string extra_file;
@@ -203,7 +203,7 @@ void Submit::WriteConfigurations(const std::vector<const RunSpec*>& specs,
     WriteFile(path.string(), ConfigurationText(*spec));
     std::string found;
     try {
-      Options read;
+      RunOptions read;
       ReadCommandLine(RunFlags(&read), {"--config", path.string()});
       const std::vector<RunSpec> resolved = ResolveMatrix(read, catalogue);
       if (resolved.size() == 1 && RunFileName(resolved[0]) == id) continue;

@@ -2,8 +2,8 @@
 #include <iostream>
 
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
 #include "host/commands/progress.h"
+#include "host/flags/flags.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/probe.h"
 #include "host/sweeps/run_file.h"

@@ -20,7 +20,7 @@
 #include "host/clusters/slurm.h"
 #include "host/clusters/submission.h"
 #include "host/commands/commands.h"
-#include "host/commands/flags.h"
+#include "host/flags/flags.h"
 #include "host/processes/run_lock.h"
 #include "host/training/rate_meter.h"
 #include "results/database/database.h"

@@ -1,6 +1,6 @@
 // run_options.h - which runs a command was asked for, and how to run them.
 //
-// host/commands/run_flags.h binds them to flags.
+// host/flags/run_flags.h binds them to flags.
 #pragma once
 
 #include <cstdint>
@@ -45,7 +45,7 @@ struct ProcessOptions {
   bool dry_run = false;
 };
 
-struct Options {
+struct RunOptions {
   std::vector<std::string> environments;
   std::vector<std::string> planners;
   std::vector<std::string> models;   // empty: Catalogue::DefaultModel

@@ -104,8 +104,8 @@ std::string ResolvedComponent::task() const {
 std::vector<const ResolvedComponent*> ComponentsOf(const RunSpec& spec) {
   std::vector<const ResolvedComponent*> components = {&spec.environment, &spec.model, &spec.planner,
                                                       &spec.eval_planner};
-  if (spec.evaluation && spec.evaluation->behaviour) {
-    components.push_back(&*spec.evaluation->behaviour);
+  if (spec.evaluation && spec.evaluation->trained_model) {
+    components.push_back(&*spec.evaluation->trained_model);
   }
   return components;
 }
@@ -274,8 +274,8 @@ std::string CanonicalJson(const RunSpec& spec) {
                  {"eval_episodes", spec.run.Integer("eval_episodes")}};
   json["evaluation"] = {{"env_step", spec.evaluation->env_step},
                         {"agent_sha256", spec.evaluation->agent_sha256}};
-  if (spec.evaluation->behaviour) {
-    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->behaviour);
+  if (spec.evaluation->trained_model) {
+    json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->trained_model);
   }
   return results::JsonText(json);
 }

@@ -99,8 +99,8 @@ struct EvaluationSpec {
   std::uint64_t episode_steps = 0;  // environment steps of an episode of the task
   std::string agent_sha256;         // of the trained model as saved there
   // The trained run's model, when it gives only proposal and value to the run's
-  // own model: ModelContext::behaviour.
-  std::optional<ResolvedComponent> behaviour;
+  // own model: ModelContext::trained_model.
+  std::optional<ResolvedComponent> trained_model;
 
   template <typename Archive>
   void Fields(Archive* archive) {
@@ -109,7 +109,7 @@ struct EvaluationSpec {
     (*archive)("env_step", &env_step);
     (*archive)("episode_steps", &episode_steps);
     (*archive)("agent_sha256", &agent_sha256);
-    (*archive)("behaviour", &behaviour);
+    (*archive)("behaviour", &trained_model);
   }
 };
 

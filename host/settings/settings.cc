@@ -86,7 +86,7 @@ struct Target {
 
 class Resolver {
  public:
-  Resolver(const Options& options, const Catalogue& catalogue, const RunSpec* base)
+  Resolver(const RunOptions& options, const Catalogue& catalogue, const RunSpec* base)
       : catalogue_(catalogue),
         preset_(options.preset),
         of_trained_run_(base != nullptr && options.evaluate) {
@@ -125,7 +125,7 @@ class Resolver {
     }
   }
 
-  std::vector<RunSpec> Matrix(const Options& options) const {
+  std::vector<RunSpec> Matrix(const RunOptions& options) const {
     const std::size_t combinations = environments_.size() * planners_.size() * models_.size();
     if (options.seeds.size() > kMostRuns / combinations) {
       throw Failure(ExitCode::kUsage, "expected at most " + std::to_string(kMostRuns) +
@@ -427,7 +427,7 @@ class Resolver {
 
 }  // namespace
 
-std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
+std::vector<RunSpec> ResolveMatrix(const RunOptions& options, const Catalogue& catalogue,
                                    const RunSpec* base) {
   return Resolver(options, catalogue, base).Matrix(options);
 }

@@ -19,7 +19,7 @@ namespace dreamsearch {
 // last fastest. Errors: kUsage, or kBadInput when the value is the file's;
 // kNotFound and kPluginRefused from Catalogue::Find. Where `base` is given, its
 // components' values and `run` stand where the preset's and the model's would.
-std::vector<RunSpec> ResolveMatrix(const Options& options, const Catalogue& catalogue,
+std::vector<RunSpec> ResolveMatrix(const RunOptions& options, const Catalogue& catalogue,
                                    const RunSpec* base = nullptr);
 
 // A component as the catalogue has it now with the values of a recorded one; what

@@ -7,7 +7,7 @@
 
 namespace dreamsearch {
 
-std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
+std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, RunOptions options) {
   const RunSpec& spec = trained.spec;
   options.environments = {spec.environment.task()};
   options.seeds = {spec.seed};
@@ -36,12 +36,12 @@ std::vector<RunSpec> EvaluationsOf(const TrainedRun& trained, Options options) {
                                           evaluation.model.name() + "': its own model is '" +
                                           spec.model.name() + "'");
     }
-    what.behaviour = spec.model;
+    what.trained_model = spec.model;
   }
   return evaluations;
 }
 
-std::vector<RunSpec> EvaluationsWithoutTraining(const Options& options,
+std::vector<RunSpec> EvaluationsWithoutTraining(const RunOptions& options,
                                                 const Catalogue& catalogue) {
   std::vector<RunSpec> evaluations = ResolveMatrix(options, catalogue);
   for (RunSpec& evaluation : evaluations) {

@@ -192,8 +192,9 @@ void MakeComponents(const RunSpec& spec, const Components& components,
                     const EnvironmentSpec& figures) {
   const EnvironmentPtr model_environment =
       spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
-  const ModelPtr behaviour = components.MakeBehaviour(figures, 1);
-  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get(), behaviour.get());
+  const ModelPtr trained_model = components.MakeTrainedModel(figures, 1);
+  const ModelPtr model =
+      components.MakeModel(figures, 1, model_environment.get(), trained_model.get());
   components.MakePlanner(*model);
   components.MakeEvaluationPlanner(*model);
 }

@@ -29,10 +29,10 @@ EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& 
   }
   const EnvironmentSpec& task = environments_.front()->spec();
   if (spec.model.Has(kNeedsEnvironment)) model_environment_ = components.MakeEnvironment();
-  behaviour_ = components.MakeBehaviour(task, model_threads);
-  model_ = components.MakeModel(task, model_threads, model_environment_.get(), behaviour_.get());
-  if (behaviour_ != nullptr) {
-    LoadModel(*agent, spec.evaluation->behaviour->name(), behaviour_.get());
+  trained_ = components.MakeTrainedModel(task, model_threads);
+  model_ = components.MakeModel(task, model_threads, model_environment_.get(), trained_.get());
+  if (trained_ != nullptr) {
+    LoadModel(*agent, spec.evaluation->trained_model->name(), trained_.get());
   } else if (agent) {
     LoadModel(*agent, spec.model.name(), model_.get());
   }

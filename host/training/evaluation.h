@@ -43,7 +43,7 @@ class EvaluationPlayer {
   const std::uint64_t env_step_;
   std::vector<EnvironmentPtr> environments_;  // of each episode
   EnvironmentPtr model_environment_;
-  ModelPtr behaviour_;
+  ModelPtr trained_;
   ModelPtr model_;
   std::unique_ptr<JointModel> joint_;
   std::unique_ptr<EpisodePlayers> players_;

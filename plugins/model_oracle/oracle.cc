@@ -3,19 +3,19 @@
 // with true dynamics).
 //
 // Latent      one word that says whether the episode is over, the environment's saved
-//             state, then, if a trained run was given (the *behaviour*), that run's
+//             state, then, if a trained run was given (the *trained model*), that run's
 //             latent; both parts begin at multiples of kLatentAlignment.
 // Transition  restore the state into an environment of its own, map the action to its
 //             bounds, step it once for every action repeat, sum the rewards. The
-//             behaviour's latent follows by observing what the simulator shows.
-// Proposal    the behaviour's actor, or uniform or Gaussian actions whose mode is 0.
-// Value       the behaviour's critic, or 0.
+//             trained model's latent follows by observing what the simulator shows.
+// Proposal    the trained model's actor, or uniform or Gaussian actions whose mode is 0.
+// Value       the trained model's critic, or 0.
 //
-// After the time limit or a terminal state nothing moves, the behaviour's latent
+// After the time limit or a terminal state nothing moves, the trained model's latent
 // included, and nothing pays: reward 0, discount 0. A transition in which the simulator
 // warned is the end too: it pays what was earned before the warning.
 //
-// It learns nothing: Train is kUnimplemented, Save writes nothing; a behaviour is
+// It learns nothing: Train is kUnimplemented, Save writes nothing; a trained model is
 // saved by whoever trained it.
 #include <exception>
 #include <string>
@@ -56,17 +56,15 @@ class Oracle final : public Model {
   explicit Oracle(const ModelContext& context)
       : Oracle(context, kSettings.Read(context.parameters)) {}
 
-  std::uint64_t latent_bytes() const noexcept override {
-    return behaviour_offset_ + behaviour_bytes_;
-  }
+  std::uint64_t latent_bytes() const noexcept override { return trained_offset_ + trained_bytes_; }
   std::uint64_t action_size() const noexcept override { return action_size_; }
 
   Status InitialLatent(Latents latents) noexcept override {
     if (Status status = CheckLatents(latents); !status.ok()) return status;
     std::memset(latents.data, 0, latents.size());
-    if (behaviour_ == nullptr) return OkStatus();
-    const Latents initial = Staged(behaviour_before_, latents.rows);
-    if (Status status = behaviour_->InitialLatent(initial); !status.ok()) return status;
+    if (trained_ == nullptr) return OkStatus();
+    const Latents initial = Staged(trained_before_, latents.rows);
+    if (Status status = trained_->InitialLatent(initial); !status.ok()) return status;
     Scatter(initial, latents);
     return OkStatus();
   }
@@ -85,12 +83,12 @@ class Oracle final : public Model {
                    static_cast<unsigned long long>(states.cols));
     }
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
-      std::memset(latents.row(i).data, 0, behaviour_offset_);
+      std::memset(latents.row(i).data, 0, trained_offset_);
       std::memcpy(latents.row(i).data + kStateOffset, states.row(i).data, state_bytes_);
     }
-    if (behaviour_ == nullptr) return OkStatus();
-    return FollowBehaviour(request.previous, request.actions, request.observations, request.seeds,
-                           latents);
+    if (trained_ == nullptr) return OkStatus();
+    return FollowTrainedModel(request.previous, request.actions, request.observations,
+                              request.seeds, latents);
   }
 
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override {
@@ -108,7 +106,7 @@ class Oracle final : public Model {
                    static_cast<unsigned long long>(result.rewards.size),
                    static_cast<unsigned long long>(result.discounts.size));
     }
-    if (behaviour_ != nullptr && observations_.size() < rows * observation_size_) {
+    if (trained_ != nullptr && observations_.size() < rows * observation_size_) {
       observations_.resize(rows * observation_size_);
     }
     ended_.clear();
@@ -117,20 +115,20 @@ class Oracle final : public Model {
           Step(request.latents.middle_rows(i, 1), request.actions.row(i),
                result.latents.middle_rows(i, 1), &result.rewards[i], &result.discounts[i]);
       if (!status.ok()) return status;
-      if (behaviour_ != nullptr) {
+      if (trained_ != nullptr) {
         if (!observed_) ended_.push_back(i);
         std::copy(observation_.begin(), observation_.end(),
                   observations_.begin() + static_cast<std::ptrdiff_t>(i * observation_size_));
       }
     }
-    if (behaviour_ == nullptr) return OkStatus();
-    Status status = FollowBehaviour(request.latents, request.actions,
-                                    {observations_.data(), rows, observation_size_}, request.seeds,
-                                    result.latents);
+    if (trained_ == nullptr) return OkStatus();
+    Status status = FollowTrainedModel(request.latents, request.actions,
+                                       {observations_.data(), rows, observation_size_},
+                                       request.seeds, result.latents);
     if (!status.ok()) return status;
     for (const std::uint64_t i : ended_) {
-      std::memcpy(result.latents.row(i).data + behaviour_offset_,
-                  request.latents.row(i).data + behaviour_offset_, behaviour_bytes_);
+      std::memcpy(result.latents.row(i).data + trained_offset_,
+                  request.latents.row(i).data + trained_offset_, trained_bytes_);
     }
     return OkStatus();
   }
@@ -145,7 +143,7 @@ class Oracle final : public Model {
                    static_cast<unsigned long long>(result.deviations.size),
                    static_cast<unsigned long long>(result.least.size));
     }
-    if (critic_) return behaviour_->Value(Gather(latents), result);
+    if (critic_) return trained_->Value(Gather(latents), result);
     std::fill(result.values.begin(), result.values.end(), 0.0);
     std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
     std::fill(result.least.begin(), result.least.end(), 0.0);
@@ -155,7 +153,7 @@ class Oracle final : public Model {
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     if (Status status = CheckLatents(latents); !status.ok()) return status;
     if (Status status = CheckActions(actions, latents.rows); !status.ok()) return status;
-    if (actor_) return behaviour_->ProposeMode(Gather(latents), actions);
+    if (actor_) return trained_->ProposeMode(Gather(latents), actions);
     std::fill_n(actions.data, actions.size(), 0.0);
     return OkStatus();
   }
@@ -174,7 +172,7 @@ class Oracle final : public Model {
                    static_cast<unsigned long long>(latents.rows),
                    static_cast<unsigned long long>(action_size_));
     }
-    if (actor_) return behaviour_->ProposeSamples(Gather(latents), seeds, actions);
+    if (actor_) return trained_->ProposeSamples(Gather(latents), seeds, actions);
     const std::uint64_t each = actions.rows / latents.rows;
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
       Random random(seeds[i]);
@@ -191,7 +189,7 @@ class Oracle final : public Model {
     return Error(StatusCode::kUnimplemented, "the oracle is the simulator: nothing to learn");
   }
   void SetThreads(std::uint32_t threads) noexcept override {
-    if (behaviour_ != nullptr) behaviour_->SetThreads(threads);
+    if (trained_ != nullptr) trained_->SetThreads(threads);
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
@@ -201,25 +199,25 @@ class Oracle final : public Model {
  private:
   Oracle(const ModelContext& context, const OracleSettings& settings)
       : environment_(*context.environment),
-        behaviour_(context.behaviour),
+        trained_(context.trained_model),
         action_size_(context.action_size),
         observation_size_(context.observation_size),
         action_repeat_(context.action_repeat),
         discount_(settings.discount),
         uniform_(settings.proposal == Proposal::kUniform ||
-                 (settings.proposal == Proposal::kAuto && behaviour_ == nullptr)),
+                 (settings.proposal == Proposal::kAuto && trained_ == nullptr)),
         actor_(settings.proposal == Proposal::kActor ||
-               (settings.proposal == Proposal::kAuto && behaviour_ != nullptr)),
+               (settings.proposal == Proposal::kAuto && trained_ != nullptr)),
         critic_(settings.value == ValueOf::kCritic ||
-                (settings.value == ValueOf::kAuto && behaviour_ != nullptr)),
+                (settings.value == ValueOf::kAuto && trained_ != nullptr)),
         proposal_std_(settings.proposal_std),
         state_bytes_(environment_.spec().state_bytes),
-        behaviour_offset_(Padded(kStateOffset + state_bytes_)),
-        behaviour_bytes_(behaviour_ != nullptr ? behaviour_->latent_bytes() : 0),
+        trained_offset_(Padded(kStateOffset + state_bytes_)),
+        trained_bytes_(trained_ != nullptr ? trained_->latent_bytes() : 0),
         current_(state_bytes_),
         bounded_(action_size_),
         observation_(observation_size_) {
-    if (behaviour_ == nullptr && (actor_ || critic_)) {
+    if (trained_ == nullptr && (actor_ || critic_)) {
       throw std::invalid_argument(
           "proposal=actor and value=critic need a trained run, and none was given");
     }
@@ -263,7 +261,7 @@ class Oracle final : public Model {
   // it showed nothing: then observed_ is false.
   Status Step(ConstLatents from, View<const double> action, Latents to, double* reward,
               double* discount) noexcept {
-    std::memcpy(to.data, from.data, behaviour_offset_);
+    std::memcpy(to.data, from.data, trained_offset_);
     *reward = 0;
     *discount = 0;
     observed_ = false;
@@ -305,43 +303,43 @@ class Oracle final : public Model {
     return OkStatus();
   }
 
-  // The behaviour's latents of `to`, after `actions` from those of `from`.
-  Status FollowBehaviour(ConstLatents from, MatrixView<const double> actions,
-                         MatrixView<const double> observations, View<const std::uint64_t> seeds,
-                         Latents to) noexcept {
+  // The trained model's latents of `to`, after `actions` from those of `from`.
+  Status FollowTrainedModel(ConstLatents from, MatrixView<const double> actions,
+                            MatrixView<const double> observations, View<const std::uint64_t> seeds,
+                            Latents to) noexcept {
     const ConstLatents before = Gather(from);
-    const Latents after = Staged(behaviour_after_, to.rows);
+    const Latents after = Staged(trained_after_, to.rows);
     ObserveRequest request;
     request.previous = before;
     request.actions = actions;
     request.observations = observations;
     request.seeds = seeds;
-    if (Status status = behaviour_->Observe(request, after); !status.ok()) return status;
+    if (Status status = trained_->Observe(request, after); !status.ok()) return status;
     Scatter(after, to);
     return OkStatus();
   }
 
-  // The behaviour's latents among ours, row by row without gaps.
+  // The trained model's latents among ours, row by row without gaps.
   ConstLatents Gather(ConstLatents latents) noexcept {
-    const Latents staged = Staged(behaviour_before_, latents.rows);
+    const Latents staged = Staged(trained_before_, latents.rows);
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
-      std::memcpy(staged.row(i).data, latents.row(i).data + behaviour_offset_, behaviour_bytes_);
+      std::memcpy(staged.row(i).data, latents.row(i).data + trained_offset_, trained_bytes_);
     }
     return staged;
   }
   void Scatter(ConstLatents staged, Latents latents) const noexcept {
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
-      std::memcpy(latents.row(i).data + behaviour_offset_, staged.row(i).data, behaviour_bytes_);
+      std::memcpy(latents.row(i).data + trained_offset_, staged.row(i).data, trained_bytes_);
     }
   }
-  // Room for `rows` of the behaviour's latents; grows to the largest batch seen.
+  // Room for `rows` of the trained model's latents; grows to the largest batch seen.
   Latents Staged(LatentBuffer& buffer, std::uint64_t rows) const noexcept {
-    if (buffer.rows() < rows) buffer = LatentBuffer(rows, behaviour_bytes_);
+    if (buffer.rows() < rows) buffer = LatentBuffer(rows, trained_bytes_);
     return buffer.middle_rows(0, rows);
   }
 
   Environment& environment_;
-  Model* const behaviour_;
+  Model* const trained_;
   const std::uint64_t action_size_;
   const std::uint64_t observation_size_;
   const std::uint32_t action_repeat_;
@@ -351,8 +349,8 @@ class Oracle final : public Model {
   const bool critic_;
   const double proposal_std_;
   const std::uint64_t state_bytes_;
-  const std::uint64_t behaviour_offset_;
-  const std::uint64_t behaviour_bytes_;
+  const std::uint64_t trained_offset_;
+  const std::uint64_t trained_bytes_;
 
   // The state the simulator is in, when known.
   std::vector<std::byte> current_;
@@ -363,8 +361,8 @@ class Oracle final : public Model {
   bool observed_ = false;
   std::vector<double> observations_;  // [largest batch, O]
   std::vector<std::uint64_t> ended_;  // rows in which nothing moved
-  LatentBuffer behaviour_before_;
-  LatentBuffer behaviour_after_;
+  LatentBuffer trained_before_;
+  LatentBuffer trained_after_;
 };
 
 Status CreateOracle(const ModelContext& context, Model** result) noexcept {

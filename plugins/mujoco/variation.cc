@@ -21,7 +21,7 @@ void ScaleForce(double factor, bool muscle, mjtNum* parameters) {
 
 }  // namespace
 
-Variation Variation::From(const Parameters& parameters, std::uint32_t action_repeat) noexcept {
+Variation Variation::From(const Parameters& parameters, std::uint32_t action_repeat) {
   return {
       .mass_scale = parameters.GetReal("mass_scale"),
       .friction_scale = parameters.GetReal("friction_scale"),

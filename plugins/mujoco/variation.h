@@ -42,7 +42,7 @@ struct Variation {
   std::uint32_t delay_steps = 0;  // environment steps, action repeat included
 
   // From the values of kVariationParameters.
-  static Variation From(const Parameters& parameters, std::uint32_t action_repeat) noexcept;
+  static Variation From(const Parameters& parameters, std::uint32_t action_repeat);
 };
 
 // Scales masses, friction, gravity and actuators of a compiled model. A factor of 1 touches

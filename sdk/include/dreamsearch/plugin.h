@@ -90,7 +90,7 @@ struct ModelContext {
   Environment* environment = nullptr;
   // Only for such a model, and only if the run names a trained run: that run's
   // model, for proposal and value; otherwise null. Outlives it.
-  Model* behaviour = nullptr;
+  Model* trained_model = nullptr;
 };
 
 struct PlannerContext {

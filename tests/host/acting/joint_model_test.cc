@@ -408,9 +408,9 @@ TEST(EpisodePlayers, EveryEpisodeHasTheBitsItHasAlone) {
 }
 
 TEST(EpisodePlayers, EveryEpisodeHasTheBitsItHasAloneWithTheOracle) {
-  Linear behaviour;
+  Linear trained_model;
   const ComponentDescriptor& component = Plugin("model_oracle").components[0];
-  for (const bool with_behaviour : {false, true}) {
+  for (const bool with_trained_model : {false, true}) {
     const EnvironmentPtr own = MakePush(true);
     const std::vector<ParameterValue> values = Resolve(component);
     ModelContext context;
@@ -418,7 +418,7 @@ TEST(EpisodePlayers, EveryEpisodeHasTheBitsItHasAloneWithTheOracle) {
     context.observation_size = 3;
     context.action_size = kActions;
     context.environment = own.get();
-    context.behaviour = with_behaviour ? &behaviour : nullptr;
+    context.trained_model = with_trained_model ? &trained_model : nullptr;
     Model* made = nullptr;
     ASSERT_TRUE(component.create_model(context, &made).ok());
     const ModelPtr oracle(made);

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <set>
 
-#include "host/commands/run_flags.h"
+#include "host/flags/run_flags.h"
 #include "host/plugins/catalogue.h"
 #include "host/settings/settings.h"
 #include "results/system/temporary_folder.h"
@@ -28,13 +28,13 @@ class SubmissionTest : public testing::Test {
  protected:
   // Every run of a command line, by way of its configuration file, is itself again.
   void ExpectEachRunIsItsConfiguration(const Words& words) {
-    Options options;
+    RunOptions options;
     ReadCommandLine(RunFlags(&options), words);
     std::set<std::string> ids;
     for (const RunSpec& spec : ResolveMatrix(options, TestCatalogue())) {
       const std::string text = ConfigurationText(spec);
       std::ofstream(folder_ / "run.cfg") << text;
-      Options read;
+      RunOptions read;
       ReadCommandLine(RunFlags(&read), {"--config", folder_ / "run.cfg"});
       const std::vector<RunSpec> runs = ResolveMatrix(read, TestCatalogue());
       ASSERT_EQ(runs.size(), 1u) << text;
@@ -80,7 +80,7 @@ TEST_F(SubmissionTest, ARunOfAnotherStudySeedOrSettingHasOtherFiles) {
   const auto id = [](const Words& more) {
     Words words = {"--env", "walker_walk", "--planner", "mcts_pw", "--model", "dreamer"};
     words.insert(words.end(), more.begin(), more.end());
-    Options options;
+    RunOptions options;
     ReadCommandLine(RunFlags(&options), words);
     return RunFileName(ResolveMatrix(options, TestCatalogue()).at(0));
   };

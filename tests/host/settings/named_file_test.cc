@@ -29,7 +29,7 @@ class NamedFile : public testing::Test {
   }
 
   static RunSpec Bridge(const Setting& setting) {
-    Options options = Base();
+    RunOptions options = Base();
     options.environments = {"bridge"};
     options.settings = {setting};
     return Resolve(options);
@@ -114,7 +114,7 @@ TEST_F(NamedFile, SurvivesTheWayToAnotherProcess) {
 // --- a changed world -------------------------------------------------------------
 
 TEST(Variation, IsAllThatATrainedRunsEvaluationMaySetOfItsTask) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"bridge"};
   const RunSpec trained = Resolve(options);
   options.evaluate = true;
@@ -132,7 +132,7 @@ TEST(Variation, IsAllThatATrainedRunsEvaluationMaySetOfItsTask) {
 }
 
 TEST(Variation, IsNoPartOfAConfigurationAtItsDefault) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"bridge"};
   EXPECT_EQ(CanonicalJson(Resolve(options)).find("gravity"), std::string::npos);
   options.settings = {CommandLine("env.gravity", "1")};

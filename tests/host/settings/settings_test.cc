@@ -28,7 +28,7 @@ Setting File(const std::string& key, const std::string& value) {
 }
 
 RunSpec With(const std::vector<Setting>& settings) {
-  Options options = Base();
+  RunOptions options = Base();
   options.settings = settings;
   return Resolve(options);
 }
@@ -56,7 +56,7 @@ TEST(ResolveMatrix, DefaultIsBelowPresetBelowFileBelowCommandLine) {
   EXPECT_EQ(both.planner.parameters.Number("simulations"), 20);
   EXPECT_EQ(both.planner.parameters.Find("simulations")->origin, ValueOrigin::kCommandLine);
 
-  Options paper = Base();
+  RunOptions paper = Base();
   paper.preset = "paper";
   EXPECT_EQ(Resolve(paper).planner.parameters.Number("noise"), 0.25);
   EXPECT_EQ(Resolve(paper).planner.parameters.Number("simulations"), 50);
@@ -66,7 +66,7 @@ TEST(ResolveMatrix, DefaultIsBelowPresetBelowFileBelowCommandLine) {
 }
 
 TEST(ResolveMatrix, AModelsRunValuesStandAboveThePresetAndBelowFileAndCommandLine) {
-  Options options = Base();
+  RunOptions options = Base();
   options.models = {"wishing"};
   const RunSpec wished = Resolve(options);
   EXPECT_EQ(wished.run.Integer("batch_size"), 256u);
@@ -91,7 +91,7 @@ TEST(ResolveMatrix, AModelsRunValuesStandAboveThePresetAndBelowFileAndCommandLin
 }
 
 TEST(ResolveMatrix, ModelsOfOneCommandEachHaveTheirRunValues) {
-  Options options = Base();
+  RunOptions options = Base();
   options.models = {"wishing", "dreamer"};
   const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
   ASSERT_EQ(runs.size(), 2u);
@@ -106,7 +106,7 @@ TEST(ResolveMatrix, ModelsOfOneCommandEachHaveTheirRunValues) {
 }
 
 TEST(ResolveMatrix, AnEnvironmentsRunValuesStandAboveAModelsAndBelowFileAndCommandLine) {
-  Options options = Base();
+  RunOptions options = Base();
   options.preset = "paper";
   options.models = {"dreamer", "wishing"};  // `wishing` asks for action_repeat 4
   options.environments = {"walker_walk", "bridge:hop"};
@@ -131,7 +131,7 @@ TEST(ResolveMatrix, AnEnvironmentsRunValuesStandAboveAModelsAndBelowFileAndComma
 }
 
 TEST(ResolveMatrix, RefusesAModelThatAsksForWhatTheRunnerDoesNotHave) {
-  Options options = Base();
+  RunOptions options = Base();
   options.models = {"misspelling"};
   ExpectRefusal([&] { Resolve(options); }, ExitCode::kPluginRefused,
                 {"model 'misspelling' asks for run.batch_sise = 256", "batch_size"});
@@ -150,7 +150,7 @@ TEST(ResolveMatrix, ANameWinsOverAKindInOneSourceInAnyOrder) {
 }
 
 TEST(ResolveMatrix, TakesTheModelThatDeclaresItselfTheDefault) {
-  Options options = Base();
+  RunOptions options = Base();
   options.models = {};
   EXPECT_EQ(Resolve(options).model.name(), "dreamer");  // `another` learns too
   options.evaluate = true;
@@ -158,7 +158,7 @@ TEST(ResolveMatrix, TakesTheModelThatDeclaresItselfTheDefault) {
 }
 
 TEST(ResolveMatrix, RunsTheCrossProductWithSeedsOutermost) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"walker_walk", "cup_catch"};
   options.planners = {"dreamer", "mcts_pw"};
   options.models = {"dreamer", "oracle"};
@@ -175,7 +175,7 @@ TEST(ResolveMatrix, RunsTheCrossProductWithSeedsOutermost) {
 }
 
 TEST(ResolveMatrix, AKindsKeyReachesEveryListedPlannerThatDeclaresIt) {
-  Options options = Base();
+  RunOptions options = Base();
   options.planners = {"dreamer", "mcts_pw", "cem"};
   options.settings = {CommandLine("planner.noise", "0.5"), CommandLine("planner.candidates", "9")};
   const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
@@ -188,7 +188,7 @@ TEST(ResolveMatrix, AKindsKeyReachesEveryListedPlannerThatDeclaresIt) {
 }
 
 TEST(ResolveMatrix, ANameOfTwoKindsMustSayWhich) {
-  Options options = Base();
+  RunOptions options = Base();
   options.planners = {"dreamer"};
   options.settings = {CommandLine("dreamer.noise", "0.5")};
   ExpectRefusal([&] { Resolve(options); }, ExitCode::kUsage,
@@ -202,7 +202,7 @@ TEST(ResolveMatrix, ANameOfTwoKindsMustSayWhich) {
 }
 
 TEST(ResolveMatrix, AnEvaluationPlannerIsSetByItsNameOnly) {
-  Options options = Base();
+  RunOptions options = Base();
   options.eval_planner = "cem";
   options.settings = {CommandLine("cem.candidates", "9")};
   const RunSpec run = Resolve(options);
@@ -214,7 +214,7 @@ TEST(ResolveMatrix, AnEvaluationPlannerIsSetByItsNameOnly) {
 }
 
 TEST(ResolveMatrix, AliasesStandForTheComponent) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"ball_in_cup_catch"};
   options.settings = {CommandLine("cup_catch.sparse", "true")};
   EXPECT_EQ(Resolve(options).environment.name(), "cup_catch");
@@ -235,7 +235,7 @@ TEST(ResolveMatrix, SaysWhatIsKnownOfAWrongName) {
   ExpectBad({CommandLine("planner.", "3")}, {"expected a key such as"});
   ExpectBad({File("planner.simulation", "3")}, {"/x.cfg, line 3", "Did you mean simulations?"});
 
-  Options options = Base();
+  RunOptions options = Base();
   options.planners = {"mcts_wp"};
   ExpectRefusal([&] { Resolve(options); }, ExitCode::kNotFound,
                 {"no planner 'mcts_wp'", "Known: cem, dreamer, mcts_pw.", "Did you mean mcts_pw?"});
@@ -298,7 +298,7 @@ TEST(ResolveMatrix, WantsStepsThatDecisionsDivide) {
 }
 
 TEST(ResolveMatrix, RefusesMoreRunsThanAnyoneMeans) {
-  Options options = Base();
+  RunOptions options = Base();
   options.seeds.resize(100001);
   ExpectRefusal([&] { ResolveMatrix(options, TestCatalogue()); }, ExitCode::kUsage,
                 {"at most 100000 runs"});
@@ -307,7 +307,7 @@ TEST(ResolveMatrix, RefusesMoreRunsThanAnyoneMeans) {
 // --- identity and round trip ---------------------------------------------------
 
 TEST(CanonicalJson, IsTheConfigurationWithoutStudySeedAndOrigin) {
-  Options options = Base();
+  RunOptions options = Base();
   options.settings = {CommandLine("planner.simulations", "40")};  // the preset's value
   options.study = "another";
   options.seeds = {77};
@@ -328,7 +328,7 @@ TEST(CanonicalJson, ChangesWithEverySetting) {
   for (const Setting& change : changes) {
     EXPECT_TRUE(digests.insert(ConfigurationSha256(With({change}))).second) << change.key;
   }
-  Options options = Base();
+  RunOptions options = Base();
   options.eval_planner = "cem";
   EXPECT_TRUE(digests.insert(ConfigurationSha256(Resolve(options))).second);
 }
@@ -346,7 +346,7 @@ TEST(CanonicalJson, HasSortedKeysAndTypedValues) {
 }
 
 TEST(RunSpecFromJson, BringsBackEverything) {
-  Options options = Base();
+  RunOptions options = Base();
   options.study = "it's; \xf0\x9f\x98\x80 %s ../";
   options.seeds = {9223372036854775807ull};
   options.eval_planner = "cem";
@@ -405,7 +405,7 @@ TEST(ParameterStorage, GivesAFactoryItsValues) {
 }
 
 TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"bridge"};
   EXPECT_EQ(Resolve(options).environment.parameters.Choice("id"), "none");
   const std::string text = "{\"a b\": [1, \"=#'\"]}  \xc3\xa9";
@@ -422,7 +422,7 @@ TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
 }
 
 TEST(ResolveMatrix, AnEnvironmentThatPlaysManyThingsIsATaskForEach) {
-  Options options = Base();
+  RunOptions options = Base();
   options.environments = {"bridge:Hopper-v5", "walker_walk", "bridge:my.Other:v0"};
   const std::vector<RunSpec> runs = ResolveMatrix(options, TestCatalogue());
   ASSERT_EQ(runs.size(), 3u);

@@ -19,8 +19,8 @@ inline const Catalogue& TestCatalogue() {
   return catalogue;
 }
 
-inline Options Base() {
-  Options options;
+inline RunOptions Base() {
+  RunOptions options;
   options.environments = {"walker_walk"};
   options.planners = {"mcts_pw"};
   options.models = {"dreamer"};
@@ -33,7 +33,7 @@ inline Setting CommandLine(const std::string& key, const std::string& value) {
   return {key, value, false, "runner: --set", {}};
 }
 
-inline RunSpec Resolve(const Options& options) {
+inline RunSpec Resolve(const RunOptions& options) {
   return ResolveMatrix(options, TestCatalogue()).at(0);
 }
 

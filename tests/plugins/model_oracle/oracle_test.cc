@@ -83,7 +83,7 @@ class Counter final : public Environment {
   double high_ = 8;
 };
 
-// A behaviour whose latent holds the sum of all it observed and of all actions.
+// A trained model whose latent holds the sum of all it observed and of all actions.
 class Summing final : public Model {
  public:
   struct alignas(64) Latent {
@@ -93,7 +93,7 @@ class Summing final : public Model {
   std::uint64_t latent_bytes() const noexcept override { return sizeof(Latent); }
   std::uint64_t action_size() const noexcept override { return 1; }
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
-    return Error(StatusCode::kInternal, "the behaviour must not imagine");
+    return Error(StatusCode::kInternal, "the trained model must not imagine");
   }
   Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
     for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = At(latents, i).observed;
@@ -147,7 +147,7 @@ class Summing final : public Model {
 class LoadedOracle {
  public:
   explicit LoadedOracle(Environment* environment, const Settings& settings = {},
-                        std::uint32_t action_repeat = 1, Model* behaviour = nullptr) {
+                        std::uint32_t action_repeat = 1, Model* trained_model = nullptr) {
     const ComponentDescriptor& component = LoadPlugin("model_oracle").components[0];
     const std::vector<ParameterValue> values = Resolve(component, settings);
     ModelContext context;
@@ -156,7 +156,7 @@ class LoadedOracle {
     context.observation_size = environment != nullptr ? environment->spec().observation_size : 1;
     context.action_repeat = action_repeat;
     context.environment = environment;
-    context.behaviour = behaviour;
+    context.trained_model = trained_model;
     status = component.create_model(context, &model_);
     if (model_ != nullptr) {
       latents_ = LatentBuffer(kLatents, model_->latent_bytes());
@@ -283,7 +283,7 @@ TEST(Oracle, RestoresOnlyWhereTheSimulatorIsNotAlready) {
   EXPECT_EQ(environment.restores, 2);
 }
 
-TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
+TEST(Oracle, WithoutATrainedModelItKnowsNoActorAndNoCritic) {
   Counter environment;
   const double zero = 0;
   {
@@ -317,10 +317,10 @@ TEST(Oracle, WithoutABehaviourItKnowsNoActorAndNoCritic) {
   }
 }
 
-TEST(Oracle, TheBehavioursLatentFollowsWhatTheSimulatorShows) {
+TEST(Oracle, TheTrainedModelsLatentFollowsWhatTheSimulatorShows) {
   Counter environment;
-  Summing behaviour;
-  LoadedOracle oracle(&environment, {}, 1, &behaviour);
+  Summing trained_model;
+  LoadedOracle oracle(&environment, {}, 1, &trained_model);
   const double first = 1;
   oracle.Observe(0, AsBytes({0, 1}), {&first, 1});
   oracle.Imagine(0, {0.25}, 1);
@@ -335,7 +335,7 @@ TEST(Oracle, TheBehavioursLatentFollowsWhatTheSimulatorShows) {
   EXPECT_EQ(samples[0], 0.875);
   EXPECT_EQ(samples[1], 0.875);
 
-  LoadedOracle plain(&environment, {{"proposal", "uniform"}, {"value", "zero"}}, 1, &behaviour);
+  LoadedOracle plain(&environment, {{"proposal", "uniform"}, {"value", "zero"}}, 1, &trained_model);
   plain.Observe(0, AsBytes({0, 1}), {&first, 1});
   ASSERT_TRUE(plain->Value(plain.latent(0), {.values = {&value, 1}}).ok());
   EXPECT_EQ(value, 0);
@@ -343,8 +343,8 @@ TEST(Oracle, TheBehavioursLatentFollowsWhatTheSimulatorShows) {
 
 TEST(Oracle, ABatchEqualsItsRows) {
   Counter environment;
-  Summing behaviour;
-  LoadedOracle oracle(&environment, {}, 2, &behaviour);
+  Summing trained_model;
+  LoadedOracle oracle(&environment, {}, 2, &trained_model);
   const double first = 1;
   for (std::uint64_t i = 0; i < 3; ++i) {
     oracle.Observe(i, AsBytes({static_cast<double>(2 * i), 1}), {&first, 1});
@@ -369,12 +369,12 @@ TEST(Oracle, ABatchEqualsItsRows) {
   }
 }
 
-// The law of rows where nothing moves any more: such a row shows the behaviour nothing,
+// The law of rows where nothing moves any more: such a row shows the trained model nothing,
 // least of all what the simulator showed for the row before it.
-TEST(Oracle, ARowThatIsOverKeepsTheBehavioursLatentWhateverStandsBeforeIt) {
+TEST(Oracle, ARowThatIsOverKeepsTheTrainedModelsLatentWhateverStandsBeforeIt) {
   Counter environment;
-  Summing behaviour;
-  LoadedOracle oracle(&environment, {}, 1, &behaviour);
+  Summing trained_model;
+  LoadedOracle oracle(&environment, {}, 1, &trained_model);
   const double first = 1;
   oracle.Observe(0, AsBytes({0, 1}), {&first, 1});
   oracle.Observe(1, AsBytes({9, 1}), {&first, 1});  // one step from its end
@@ -398,13 +398,13 @@ TEST(Oracle, ARowThatIsOverKeepsTheBehavioursLatentWhateverStandsBeforeIt) {
   EXPECT_NE(std::memcmp(oracle.latent(10).data, oracle.latent(0).data, oracle->latent_bytes()), 0);
 }
 
-TEST(Oracle, PassesTheNumberOfThreadsToTheBehaviour) {
+TEST(Oracle, PassesTheNumberOfThreadsToTheTrainedModel) {
   Counter environment;
-  Summing behaviour;
-  LoadedOracle oracle(&environment, {}, 1, &behaviour);
-  EXPECT_EQ(behaviour.threads, 1u);
+  Summing trained_model;
+  LoadedOracle oracle(&environment, {}, 1, &trained_model);
+  EXPECT_EQ(trained_model.threads, 1u);
   oracle->SetThreads(3);
-  EXPECT_EQ(behaviour.threads, 3u);
+  EXPECT_EQ(trained_model.threads, 3u);
 }
 
 TEST(Oracle, SaysWhatItCannotDo) {

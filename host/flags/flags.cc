@@ -1,4 +1,4 @@
-#include "host/commands/flags.h"
+#include "host/flags/flags.h"
 
 #include <algorithm>
 #include <filesystem>

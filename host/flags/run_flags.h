@@ -11,13 +11,13 @@
 namespace dreamsearch {
 
 // Which experiments, and how. The configuration file of --config holds the same flags.
-CommandSpec RunFlags(Options* options);
+CommandSpec RunFlags(RunOptions* options);
 
 struct EvaluationOptions {
   std::string run;  // the trained run; empty: none
   // Empty lists where the command line says nothing. The settings hold --episodes as
   // run.eval_episodes.
-  Options choice;
+  RunOptions choice;
 };
 CommandSpec EvaluationFlags(EvaluationOptions* evaluation);
 

@@ -1,8 +1,8 @@
-#include "host/commands/run_flags.h"
+#include "host/flags/run_flags.h"
 
 #include <utility>
 
-#include "host/commands/flags.h"
+#include "host/flags/flags.h"
 #include "results/command_line/values.h"
 #include "results/system/error.h"
 
@@ -26,7 +26,7 @@ FlagGroup EarlierRuns(std::vector<Flag> flags) { return {"Runs that exist", std:
 
 }  // namespace
 
-CommandSpec RunFlags(Options* options) {
+CommandSpec RunFlags(RunOptions* options) {
   options->seeds = {0};
   ProcessOptions* process = &options->process;
   std::vector<Flag> what = Joined(
@@ -75,7 +75,7 @@ CommandSpec RunFlags(Options* options) {
 }
 
 CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
-  Options* options = &evaluation->choice;
+  RunOptions* options = &evaluation->choice;
   options->evaluate = true;
   options->preset.clear();
   options->study.clear();
@@ -133,7 +133,7 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
 }
 
 void CompleteEvaluation(EvaluationOptions* evaluation) {
-  Options& options = evaluation->choice;
+  RunOptions& options = evaluation->choice;
   const bool trained = !evaluation->run.empty();
   for (const Setting& setting : options.settings) {
     if (!setting.key.starts_with("run.") || setting.key == kEpisodesKey) continue;

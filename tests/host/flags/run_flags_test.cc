@@ -1,5 +1,5 @@
 // The command lines of `runner` and `runner eval`, and the configuration file.
-#include "host/commands/run_flags.h"
+#include "host/flags/run_flags.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -17,8 +17,8 @@
 namespace dreamsearch {
 namespace {
 
-Options ParseOptions(const Words& words) {
-  Options options;
+RunOptions ParseOptions(const Words& words) {
+  RunOptions options;
   ReadCommandLine(RunFlags(&options), words);
   return options;
 }
@@ -30,7 +30,7 @@ EvaluationOptions ParseEvaluation(const Words& words) {
   return evaluation;
 }
 
-Options Parse(Words more) {
+RunOptions Parse(Words more) {
   Words words = {"--env", "walker_walk", "--planner", "mcts_pw"};
   words.insert(words.end(), more.begin(), more.end());
   return ParseOptions(words);
@@ -60,7 +60,7 @@ class ConfigurationFile : public testing::Test {
 };
 
 TEST(ParseOptions, FillsInTheDefaultsOfTheContract) {
-  const Options options = Parse({});
+  const RunOptions options = Parse({});
   EXPECT_EQ(options.environments, Words{"walker_walk"});
   EXPECT_EQ(options.planners, Words{"mcts_pw"});
   EXPECT_EQ(options.models, Words{});
@@ -79,44 +79,44 @@ TEST(ParseOptions, FillsInTheDefaultsOfTheContract) {
 }
 
 TEST(ParseOptions, ReadsEveryFlag) {
-  const Options options = ParseOptions({"--env",
-                                        "a,b",
-                                        "--planner=c,d",
-                                        "--model",
-                                        "e",
-                                        "--eval-planner",
-                                        "f",
-                                        "--seeds",
-                                        "3",
-                                        "--study",
-                                        "it's",
-                                        "--preset",
-                                        "paper",
-                                        "--steps",
-                                        "12000",
-                                        "--set",
-                                        "planner.k=1",
-                                        "--set",
-                                        "run.j = 2",
-                                        "--db",
-                                        "x.db",
-                                        "--plugin-path",
-                                        "p",
-                                        "--plugin-path",
-                                        "q",
-                                        "--jobs",
-                                        "4",
-                                        "--time-limit",
-                                        "1.5h",
-                                        "--memory-limit",
-                                        "4G",
-                                        "--hang-timeout",
-                                        "90",
-                                        "--retry",
-                                        "--replace",
-                                        "--log-decisions",
-                                        "--record-trees",
-                                        "--dry-run"});
+  const RunOptions options = ParseOptions({"--env",
+                                           "a,b",
+                                           "--planner=c,d",
+                                           "--model",
+                                           "e",
+                                           "--eval-planner",
+                                           "f",
+                                           "--seeds",
+                                           "3",
+                                           "--study",
+                                           "it's",
+                                           "--preset",
+                                           "paper",
+                                           "--steps",
+                                           "12000",
+                                           "--set",
+                                           "planner.k=1",
+                                           "--set",
+                                           "run.j = 2",
+                                           "--db",
+                                           "x.db",
+                                           "--plugin-path",
+                                           "p",
+                                           "--plugin-path",
+                                           "q",
+                                           "--jobs",
+                                           "4",
+                                           "--time-limit",
+                                           "1.5h",
+                                           "--memory-limit",
+                                           "4G",
+                                           "--hang-timeout",
+                                           "90",
+                                           "--retry",
+                                           "--replace",
+                                           "--log-decisions",
+                                           "--record-trees",
+                                           "--dry-run"});
   EXPECT_EQ(options.environments, (Words{"a", "b"}));
   EXPECT_EQ(options.planners, (Words{"c", "d"}));
   EXPECT_EQ(options.models, Words{"e"});
@@ -191,8 +191,8 @@ TEST_F(ConfigurationFile, IsReadAndTheCommandLineWins) {
   Write(
       "# a study\nenv = a,b   # two\nplanner = cem\nseeds = 5\nsteps = 400\nretry = true\n"
       "set = planner.k=1\nset = run.j=2\nplugin-path = from_file\n");
-  const Options options = ParseOptions({"--config", path_, "--planner", "rollout", "--seed-list",
-                                        "9", "--set", "planner.k=3", "--plugin-path", "given"});
+  const RunOptions options = ParseOptions({"--config", path_, "--planner", "rollout", "--seed-list",
+                                           "9", "--set", "planner.k=3", "--plugin-path", "given"});
   EXPECT_EQ(options.environments, (Words{"a", "b"}));
   EXPECT_EQ(options.planners, Words{"rollout"});
   EXPECT_EQ(options.seeds, std::vector<std::uint64_t>{9});
@@ -208,7 +208,7 @@ TEST_F(ConfigurationFile, IsReadAndTheCommandLineWins) {
 
 TEST_F(ConfigurationFile, MayHaveAByteOrderMarkAndCarriageReturns) {
   Write("\xef\xbb\xbf# first\r\n\r\nenv = a\r\nplanner = cem\r\nset = planner.k=1\r\n");
-  const Options options = ParseOptions({"--config", path_});
+  const RunOptions options = ParseOptions({"--config", path_});
   EXPECT_EQ(options.environments, Words{"a"});
   EXPECT_EQ(options.planners, Words{"cem"});
   ASSERT_EQ(options.settings.size(), 1u);
@@ -285,7 +285,7 @@ TEST(EvaluationOptions, RefusesWhatBelongsToTheTraining) {
 }
 
 TEST(RunnerHelp, NamesEveryFlagOfTheContract) {
-  Options options;
+  RunOptions options;
   const std::string help = HelpText(RunFlags(&options));
   for (const char* flag :
        {"--env",          "--planner",      "--model",       "--eval-planner", "--seeds",
