@@ -61,8 +61,8 @@ class Screen {
     std::cout << "\033[?1049h\033[?25l" << std::flush;
   }
   ~Screen() {
-    std::cout << "\033[?25h\033[?1049l" << std::flush;
     if (keys_) ::tcsetattr(STDIN_FILENO, TCSANOW, &before_);
+    std::cout << "\033[?25h\033[?1049l" << std::flush;
   }
   Screen(const Screen&) = delete;
   Screen& operator=(const Screen&) = delete;

@@ -150,8 +150,8 @@ TEST(Watch, IsRedrawnFollowsTheWidthAndEndsWithAKey) {
     terminal.Press(key);
     const std::string last = terminal.Read(Has("\033[?1049l"));
     EXPECT_NE(last.find("\033[?25h\033[?1049l"), std::string::npos) << last;
-    EXPECT_TRUE(terminal.Echoes());
     EXPECT_EQ(terminal.End(), 0);
+    EXPECT_TRUE(terminal.Echoes());
   }
 }
 
@@ -183,7 +183,10 @@ TEST(Watch, ARunThatIsWatchedIsTheSame) {
       Terminal terminal(place, 150);
       const std::string text = terminal.Read(Has("running"));
       EXPECT_NE(text.find("1 run: 1 running"), std::string::npos) << text;
-      EXPECT_NE(terminal.Read(Has("1 finished")).find("20,000 of 20,000"), std::string::npos);
+      const std::string last = terminal.Read([](const std::string& read) {
+        return Has("1 finished")(read) && Has("20,000 of 20,000")(read);
+      });
+      EXPECT_NE(last.find("20,000 of 20,000"), std::string::npos) << last;
     }
     EXPECT_EQ(place.Wait(pid).exit_status, 0);
     return place.Value("m.db", "select result_digest from run");
