@@ -15,6 +15,7 @@ kinds=("$@")
 experiments/install_packages.sh
 cmake --preset release -DDREAMSEARCH_TESTS=OFF
 cmake --build --preset release
+rm -f "$folder"/dreamsearch[-_]*.{deb,tar.gz,whl}  # of another build
 status=0
 tried=()
 for kind in "${kinds[@]}"; do
