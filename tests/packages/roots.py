@@ -10,7 +10,7 @@ from machine import Machine
 
 MIRROR = "http://deb.debian.org/debian"
 
-CERTIFICATES = "etc/ssl/certs/ca-certificates.crt"
+CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"
 
 
 class Unavailable(Exception):
@@ -45,9 +45,9 @@ def fresh(release, folder):
         subprocess.run(["tar", "-C", root, "-xf", path], check=True)
         # The network as it is here.
         shutil.copy("/etc/resolv.conf", root / "etc/resolv.conf")
-        (root / CERTIFICATES).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(f"/{CERTIFICATES}", root / CERTIFICATES)
-        machine = Machine(root=root, environment={"PIP_CERT": f"/{CERTIFICATES}"})
+        shutil.copy(CERTIFICATES, root / "etc/certificates-of-the-host.crt")
+        machine = Machine(root=root,
+                          environment={"PIP_CERT": "/etc/certificates-of-the-host.crt"})
         if machine.missing():
             raise Unavailable(machine.missing())
         yield machine
