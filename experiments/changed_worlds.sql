@@ -1,5 +1,5 @@
--- The table of changed_worlds.sh: evaluations of the trained runs :runs over :episodes episodes.
--- A factor that has its default is not in a configuration.
+/* The table of changed_worlds.sh: evaluations of the trained runs over so many episodes. A factor
+   that has its default is not in a configuration. */
 WITH played AS (
   SELECT r.run_id, r.parent_run_id, t.name AS task, r.planner,
          CASE WHEN f.mass IS NOT NULL THEN 'mass_scale'
