@@ -90,12 +90,13 @@ def queue():
 
 
 def active(sweep):
-    """Runs that have done some of their steps, as (job, pid, database)."""
+    """Runs that have made a checkpoint, as (job, pid, database)."""
     found = []
     for database in sweep.databases():
         for row in sweep.query(database, "SELECT s.slurm_job, s.pid FROM run r JOIN segment s USING"
-                               " (run_id) WHERE r.status = 'running' AND r.env_steps_done >= 1000"
-                               " AND s.ended_utc IS NULL"):
+                               " (run_id) WHERE r.status = 'running' AND s.ended_utc IS NULL AND EXISTS"
+                               " (SELECT 1 FROM artifact a WHERE a.run_id = r.run_id AND a.kind ="
+                               " 'checkpoint')"):
             found.append((*row, database))
     return found
 
