@@ -284,6 +284,9 @@ TEST(ClockSkew, ARunResumesOnANodeWithAnotherClock) {
   With({{"LD_PRELOAD", DREAMSEARCH_SITE}, {"SITE_CLOCK_AHEAD", "86400"}},
        [&] { pid = place.Start(Long("m.db")); });
   ASSERT_TRUE(WaitFor([&] { return !place.Value("m.db", "select 1 from artifact").empty(); }));
+  // It must not end while it is looked at.
+  const pid_t worker = std::stoi(place.Value("m.db", "select pid from segment"));
+  ::kill(worker, SIGSTOP);
   for (const char* ahead : {"0", "-86400", "172800"}) {
     const ProgramResult seen =
         RunWith(place, {{"SITE_CLOCK_AHEAD", ahead}}, {"status", "--db", "m.db"});
@@ -294,7 +297,7 @@ TEST(ClockSkew, ARunResumesOnANodeWithAnotherClock) {
   const ProgramResult deleted = place.Results({"delete", "1", "--yes", "--db", "m.db"});
   EXPECT_EQ(deleted.exit_status, 2) << deleted.out << deleted.err;
   EXPECT_NE(deleted.err.find("is running"), std::string::npos) << deleted.err;
-  ::kill(std::stoi(place.Value("m.db", "select pid from segment")), SIGKILL);
+  ::kill(worker, SIGKILL);
   const ProgramResult killed = place.Wait(pid);
   EXPECT_EQ(killed.exit_status, 71) << killed.err;
   const ProgramResult again = RunWith(place, {{"SITE_CLOCK_AHEAD", "-86400"}}, Long("m.db"));
