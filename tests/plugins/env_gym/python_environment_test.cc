@@ -108,7 +108,7 @@ TEST_F(PythonEnvironmentTest, NamesInterpreterPackagesAndTheModulesFiles) {
   EXPECT_THAT(found["python"], testing::StartsWith("CPython 3."));
   EXPECT_THAT(found["numpy"], testing::MatchesRegex("[0-9]+\\.[0-9.]+.*"));
   EXPECT_THAT(found["worlds.py"], testing::MatchesRegex("[0-9a-f]{64}"));
-  EXPECT_EQ(found.size(), 3u);
+  EXPECT_EQ(found.count("pip"), 0u);  // installed, but not imported
 }
 
 TEST_F(PythonEnvironmentTest, LaysADictionaryOutInTheOrderOfItsSpace) {
