@@ -1,9 +1,9 @@
 #include "host/clusters/run_state.h"
 
-#include "host/processes/run_lock.h"
 #include "results/database/cluster_place.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
+#include "results/system/run_lock.h"
 
 namespace dreamsearch {
 

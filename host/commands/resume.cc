@@ -5,11 +5,11 @@
 #include "host/commands/commands.h"
 #include "host/commands/progress.h"
 #include "host/flags/flags.h"
-#include "host/processes/run_lock.h"
 #include "host/processes/supervisor.h"
 #include "host/sweeps/sweep.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
+#include "results/system/run_lock.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {

@@ -10,10 +10,10 @@
 #include "host/clusters/submission.h"
 #include "host/commands/commands.h"
 #include "host/flags/flags.h"
-#include "host/processes/run_lock.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/run_lock.h"
 #include "results/text/table.h"
 #include "results/text/text.h"
 

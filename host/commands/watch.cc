@@ -21,11 +21,11 @@
 #include "host/clusters/submission.h"
 #include "host/commands/commands.h"
 #include "host/flags/flags.h"
-#include "host/processes/run_lock.h"
 #include "host/training/rate_meter.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/run_lock.h"
 #include "results/text/terminal_text.h"
 #include "results/text/text.h"
 

@@ -21,7 +21,6 @@
 
 #include "host/acting/activity_clock.h"
 #include "host/processes/child_process.h"
-#include "host/processes/run_lock.h"
 #include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
 #include "host/processes/worker_end.h"
@@ -30,6 +29,7 @@
 #include "host/settings/memory.h"
 #include "host/training/rate_meter.h"
 #include "results/system/file_descriptor.h"
+#include "results/system/run_lock.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {

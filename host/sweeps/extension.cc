@@ -2,12 +2,12 @@
 
 #include <utility>
 
-#include "host/processes/run_lock.h"
 #include "host/settings/schedule.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/database/resume_point.h"
 #include "results/system/error.h"
+#include "results/system/run_lock.h"
 #include "results/text/text.h"
 
 namespace dreamsearch {

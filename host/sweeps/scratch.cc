@@ -9,9 +9,9 @@
 #include <system_error>
 
 #include "host/acting/activity_clock.h"
-#include "host/processes/run_lock.h"
 #include "results/database/database.h"
 #include "results/system/file.h"
+#include "results/system/run_lock.h"
 #include "results/system/sha256.h"
 #include "results/upkeep/merge.h"
 #include "results/upkeep/put_back.h"

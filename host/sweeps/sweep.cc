@@ -6,13 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "host/plugins/catalogue.h"
-#include "host/processes/run_lock.h"
 #include "host/saving/checkpoint.h"
 #include "host/sweeps/run_file.h"
 #include "host/training/build_and_host.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/file.h"
+#include "results/system/run_lock.h"
 #include "results/text/json_text.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"

@@ -10,6 +10,7 @@
 #include "results/program/commands.h"
 #include "results/program/selection.h"
 #include "results/system/error.h"
+#include "results/system/run_lock.h"
 #include "results/text/text.h"
 
 namespace dreamsearch::results {
@@ -53,12 +54,17 @@ struct Delete {
   int Run();
 };
 
-// The runs whose process is alive. The clocks of machines differ: what shows no heartbeat of this
+// The runs whose process is alive: a lock says so, if it is on this machine or the file system has
+// locks for all; or a heartbeat. The clocks of machines differ: what shows no heartbeat of this
 // minute may show the next one.
 std::set<std::int64_t> ActiveOf(Database* database, const std::vector<RunInfo>& runs) {
   std::set<std::int64_t> active;
   std::vector<RunInfo> doubtful;
   for (const RunInfo& run : runs) {
+    if (RunIsLocked(database->RunFolder(run))) {
+      active.insert(run.run_id);
+      continue;
+    }
     if (run.status != RunStatus::kRunning) continue;
     if (run.heartbeat_age_seconds >= 0 && IsActive(run)) {
       active.insert(run.run_id);

@@ -1,4 +1,4 @@
-#include "host/processes/run_lock.h"
+#include "results/system/run_lock.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
