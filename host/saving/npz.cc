@@ -24,12 +24,12 @@ std::string NpyHeader(const NpzArray& array) {
   for (const std::uint64_t extent : array.shape) shape += std::to_string(extent) + ",";
   std::string text =
       "{'descr': '" + array.type + "', 'fortran_order': False, 'shape': (" + shape + "), }";
-  constexpr std::string_view kMagic("\x93NUMPY\x01\x00", 8);
+  constexpr std::string_view kNumpyMagic("\x93NUMPY\x01\x00", 8);
   constexpr std::size_t kAlignment = 64;
-  const std::size_t before = kMagic.size() + sizeof(std::uint16_t);
+  const std::size_t before = kNumpyMagic.size() + sizeof(std::uint16_t);
   text.append(kAlignment - 1 - (before + text.size()) % kAlignment, ' ');
   text += '\n';
-  std::string header(kMagic);
+  std::string header(kNumpyMagic);
   PutNumber(&header, static_cast<std::uint16_t>(text.size()));
   return header + text;
 }

@@ -12,7 +12,7 @@
 namespace dreamsearch::tdmpc {
 
 // The model is written in terms of what learned models share.
-using namespace networks;
+using namespace networks;  // NOLINT(google-build-using-namespace)
 
 struct Settings {
   // Sizes.

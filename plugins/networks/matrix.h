@@ -36,6 +36,7 @@ struct Mat {
   bool dense() const { return stride == rows || cols <= 1; }
   Index size() const { return rows * cols; }
   explicit operator bool() const { return data != nullptr; }
+  // NOLINTNEXTLINE(google-explicit-constructor): as View
   operator Mat<const T>() const requires(!std::is_const_v<T>) { return {data, rows, cols, stride}; }
 };
 

@@ -209,7 +209,7 @@ inline Status CheckFinite(const char* what, View<const double> values) noexcept 
   for (std::uint64_t i = 0; i < values.size; ++i) {
     if (!std::isfinite(values[i])) {
       return Error(StatusCode::kNotFinite, "the model's %s %llu of %llu is not finite: %g", what,
-                   static_cast<unsigned long long>(i + 1),
+                   static_cast<unsigned long long>(i) + 1,
                    static_cast<unsigned long long>(values.size), values[i]);
     }
   }
