@@ -124,14 +124,7 @@ class Icem final : public ShootingPlanner {
                       std::numeric_limits<double>::infinity());
       Keep(elites);
     }
-    plan->policy = trajectories_.Best(1);
-    const std::uint32_t best = plan->policy[0];
-    std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
-    if (request.explore) {
-      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
-                          {played.data, 1, played.size});
-    }
-    plan->value = trajectories_.returns()[best];
+    PlayBest(request, settings_.noise_std, kNoise, played, plan);
     plan->std = gaussian_.MeanFirstStd();
     return OkStatus();
   }

@@ -37,14 +37,7 @@ class RandomShooting final : public ShootingPlanner {
     Status status = trajectories_.Imagine(model_, request, settings_.bootstrap,
                                           DeriveSeed(request.seed, kImagine));
     if (!status.ok()) return status;
-    plan->policy = trajectories_.Best(1);
-    const std::uint32_t best = plan->policy[0];
-    std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
-    if (request.explore) {
-      AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kNoise),
-                          {played.data, 1, played.size});
-    }
-    plan->value = trajectories_.returns()[best];
+    PlayBest(request, settings_.noise_std, kNoise, played, plan);
     plan->sequences = settings_.candidates;
     plan->std = 1 / std::sqrt(3.0);  // of a uniform draw from [-1, 1]
     return OkStatus();

@@ -108,6 +108,19 @@ class ShootingPlanner : public Planner {
   // trajectories_.
   virtual Status Search(const PlanRequest& request, View<double> played,
                         ShootingPlan* plan) noexcept = 0;
+  // The best sequence is the plan: its first action is played, with noise while exploring, whose
+  // draws follow from the decision's seed and `stream`.
+  void PlayBest(const PlanRequest& request, double noise_std, std::uint64_t stream,
+                View<double> played, ShootingPlan* plan) noexcept {
+    plan->policy = trajectories_.Best(1);
+    const std::uint32_t best = plan->policy[0];
+    std::copy_n(trajectories_.actions(0).row(best).data, played.size, played.data);
+    if (request.explore) {
+      AddExplorationNoise(noise_std, DeriveSeed(request.seed, stream),
+                          {played.data, 1, played.size});
+    }
+    plan->value = trajectories_.returns()[best];
+  }
   // An episode begins, or a search failed.
   virtual void ForgetPlan() noexcept {}
 
