@@ -8,7 +8,6 @@ PACKAGE is the folder of the module, if it is not installed. Ends with 77 where 
 import json
 import os
 import pathlib
-import subprocess
 import sys
 import tempfile
 
@@ -21,6 +20,7 @@ except ImportError:
     print("skipped: no numpy; Debian: python3-numpy")
     sys.exit(77)
 import dreamsearch
+from programs import Programs
 
 # Every way of acting: each activation, with and without normalisation, repeated actions.
 AGENTS = {
@@ -38,17 +38,6 @@ SIZES = {
 # Single precision, 40 decisions through a recurrence. In units of how far the actions of different
 # observations are apart: an agent that overlooked them would be off by 1.
 TOLERANCE = 1e-3
-
-
-class Programs:
-    def __init__(self, binaries, folder):
-        self.binaries, self.folder = binaries, folder
-
-    def call(self, program, *words):
-        done = subprocess.run([self.binaries / program, *words], cwd=self.folder,
-                              capture_output=True, text=True)
-        assert done.returncode == 0, (program, words, done.stderr[-2000:])
-        return done.stdout
 
 
 def trained(programs, name):

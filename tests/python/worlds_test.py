@@ -8,7 +8,6 @@ agent that acts at random. PACKAGE is the folder of the module, if it is not ins
 """
 import math
 import pathlib
-import subprocess
 import sys
 import tempfile
 
@@ -22,6 +21,7 @@ except ImportError as error:
     print(f"skipped: {error}; PyPI: see tests/plugins/env_gym/install_worlds.sh")
     sys.exit(77)
 import dreamsearch
+from programs import Programs
 
 EPISODES = 40
 ERRORS = 3.5  # standard errors of the difference; chance passes it once in 2000
@@ -31,16 +31,7 @@ SMALL = ["run.eval_episodes=1", "run.eval_every=0", "run.prefill_steps=1000", "m
          "run.sequence_length=16", "model.imagination_starts=64"]
 
 
-class Programs:
-    def __init__(self, binaries, folder):
-        self.binaries, self.folder = binaries, folder
-
-    def call(self, program, *words):
-        done = subprocess.run([self.binaries / program, *words], cwd=self.folder,
-                              capture_output=True, text=True)
-        assert done.returncode == 0, (program, words, done.stderr[-2000:])
-        return done.stdout
-
+class Trainer(Programs):
     def trained(self, name, environment, steps, settings):
         """An agent, and its returns under `runner eval` and those of random actions."""
         words = ["--env", environment, "--planner", "dreamer", "--steps", str(steps)]
@@ -79,7 +70,7 @@ def compare(name, played, returns):
 
 def main():
     with tempfile.TemporaryDirectory() as name:
-        programs = Programs(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
+        programs = Trainer(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
         agent, returns = programs.trained("cartpole", "cartpole_balance", 8000, [])
         environment = suite.load("cartpole", "balance", task_kwargs={"random": 1})
         compare("dm_control", dreamsearch.play(agent, environment, EPISODES), returns)

@@ -15,24 +15,14 @@
 
 #include "host/processes/thread_grant.h"
 #include "results/system/error.h"
-#include "results/system/temporary_folder.h"
+#include "tests/host/settings/control_group_test.h"
 
 namespace dreamsearch {
 namespace {
 
 using Threads = std::map<std::size_t, std::uint32_t>;
 
-class CoresTest : public testing::Test {
- protected:
-  std::filesystem::path Write(const std::filesystem::path& file, const std::string& text) const {
-    std::filesystem::create_directories((folder_ / file).parent_path());
-    std::ofstream(folder_ / file) << text;
-    return folder_ / file;
-  }
-
-  TemporaryFolder temporary_;
-  const std::filesystem::path folder_ = temporary_.path();
-};
+using CoresTest = ControlGroupTest;
 
 TEST_F(CoresTest, AProcessHasTheCoresOfItsAffinityMask) {
   // In a child, whose mask is its own.

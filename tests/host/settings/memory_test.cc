@@ -9,26 +9,18 @@
 #include <string>
 #include <vector>
 
-#include "results/system/temporary_folder.h"
+#include "tests/host/settings/control_group_test.h"
 
 namespace dreamsearch {
 namespace {
 
 constexpr std::uint64_t kGigabyte = 1 << 30;
 
-class MemoryTest : public testing::Test {
+class MemoryTest : public ControlGroupTest {
  protected:
-  std::filesystem::path Write(const std::filesystem::path& file, const std::string& text) const {
-    std::filesystem::create_directories((folder_ / file).parent_path());
-    std::ofstream(folder_ / file) << text;
-    return folder_ / file;
-  }
   std::uint64_t Left(const std::string& membership) const {
     return MemoryOfControlGroups(Write("self", membership), folder_ / "fs");
   }
-
-  TemporaryFolder temporary_;
-  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(MemoryTest, WhatTheTightestGroupLeavesCountsAndUnusedFilePagesAreFree) {
