@@ -147,26 +147,15 @@ void Transition(benchmark::State& state, const char* preset, const char* precisi
              (work.dynamics + work.reward + work.value + work.actor),
          seconds);
 }
-BENCHMARK_CAPTURE(Transition, fast_bfloat16, "fast", "bfloat16")
-    ->Arg(1)
-    ->Arg(20)
-    ->Arg(150)
-    ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(Transition, fast_float, "fast", "float")
-    ->Arg(1)
-    ->Arg(20)
-    ->Arg(150)
-    ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(Transition, paper_bfloat16, "paper", "bfloat16")
-    ->Arg(1)
-    ->Arg(20)
-    ->Arg(150)
-    ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(Transition, paper_float, "paper", "float")
-    ->Arg(1)
-    ->Arg(20)
-    ->Arg(150)
-    ->Unit(benchmark::kMicrosecond);
+// One leaf, the trees of an evaluation or of a batch of leaves, a node's children, candidates.
+void RowsOfARequest(benchmark::internal::Benchmark* transition) {
+  for (const int rows : {1, 5, 8, 20, 150}) transition->Arg(rows);
+  transition->Unit(benchmark::kMicrosecond);
+}
+BENCHMARK_CAPTURE(Transition, fast_bfloat16, "fast", "bfloat16")->Apply(RowsOfARequest);
+BENCHMARK_CAPTURE(Transition, fast_float, "fast", "float")->Apply(RowsOfARequest);
+BENCHMARK_CAPTURE(Transition, paper_bfloat16, "paper", "bfloat16")->Apply(RowsOfARequest);
+BENCHMARK_CAPTURE(Transition, paper_float, "paper", "float")->Apply(RowsOfARequest);
 
 }  // namespace
 }  // namespace dreamsearch::dreamer

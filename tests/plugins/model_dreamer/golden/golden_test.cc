@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/plugins/model_dreamer/golden/golden_data.h"
+#include "tests/plugins/networks/golden_promises.h"
 
 namespace dreamsearch::dreamer {
 namespace {
@@ -138,25 +139,18 @@ double DrawResidual(const Json& input) {
   });
 }
 
-class Golden : public testing::TestWithParam<const char*> {};
-
-// Six ulp of a draw between 4 and 8.
-TEST_P(Golden, DrawsAreTheLearners) {
-  EXPECT_LT(DrawResidual(Read(std::string(GetParam()) + "_input.json")), 3e-6);
-}
-
-TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
-  CompareUpdates<float>(GetParam(), 1e-5);
-}
-
-// Where the draws differ by a rounding, ten times that is allowed on top.
-TEST_P(Golden, UpdatesInDoubleAgreeWithTorchToOneInABillion) {
-  const double draws = DrawResidual(Read(std::string(GetParam()) + "_input.json"));
-  CompareUpdates<double>(GetParam(), 1e-9 + 10 * draws);
-}
-
-INSTANTIATE_TEST_SUITE_P(Cases, Golden, testing::ValuesIn(kGoldenCases),
-                         [](const auto& row) { return std::string(row.param); });
+struct DreamerUpdates {
+  static constexpr const char* kFolder = "model_dreamer/golden";
+  template <typename T>
+  static void CompareUpdates(const std::string& name, double tolerance) {
+    dreamer::CompareUpdates<T>(name, tolerance);
+  }
+  static double DrawResidual(const Json& input) { return dreamer::DrawResidual(input); }
+};
 
 }  // namespace
 }  // namespace dreamsearch::dreamer
+
+namespace dreamsearch::networks {
+INSTANTIATE_TYPED_TEST_SUITE_P(Dreamer, GoldenPromises, dreamer::DreamerUpdates);
+}  // namespace dreamsearch::networks

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/plugins/model_tdmpc/golden/golden_data.h"
+#include "tests/plugins/networks/golden_promises.h"
 
 namespace dreamsearch::tdmpc {
 namespace {
@@ -94,25 +95,18 @@ double DrawResidual(const Json& input) {
   });
 }
 
-class Golden : public testing::TestWithParam<const char*> {};
-
-// Six ulp of a draw between 4 and 8.
-TEST_P(Golden, DrawsAreTheLearners) {
-  EXPECT_LT(DrawResidual(Read(std::string(GetParam()) + "_input.json")), 3e-6);
-}
-
-TEST_P(Golden, UpdatesInFloatAgreeWithTorchToOneInAHundredThousand) {
-  CompareUpdates<float>(GetParam(), 1e-5);
-}
-
-// Where the draws differ by a rounding, ten times that is allowed on top.
-TEST_P(Golden, UpdatesInDoubleAgreeWithTorchToOneInABillion) {
-  const double draws = DrawResidual(Read(std::string(GetParam()) + "_input.json"));
-  CompareUpdates<double>(GetParam(), 1e-9 + 10 * draws);
-}
-
-INSTANTIATE_TEST_SUITE_P(Cases, Golden, testing::ValuesIn(kGoldenCases),
-                         [](const auto& row) { return std::string(row.param); });
+struct TdmpcUpdates {
+  static constexpr const char* kFolder = "model_tdmpc/golden";
+  template <typename T>
+  static void CompareUpdates(const std::string& name, double tolerance) {
+    tdmpc::CompareUpdates<T>(name, tolerance);
+  }
+  static double DrawResidual(const Json& input) { return tdmpc::DrawResidual(input); }
+};
 
 }  // namespace
 }  // namespace dreamsearch::tdmpc
+
+namespace dreamsearch::networks {
+INSTANTIATE_TYPED_TEST_SUITE_P(Tdmpc, GoldenPromises, tdmpc::TdmpcUpdates);
+}  // namespace dreamsearch::networks
