@@ -104,7 +104,8 @@ Catalogue Catalogue::Scan(const std::vector<std::filesystem::path>& folders,
       // True if the name is this component's to use.
       const auto claim = [&](const std::string& name) {
         const Key key{component.kind, name};
-        const auto [old, added] = claims.try_emplace(key, folder_of_file[i], component.plugin);
+        const auto [old, added] =
+            claims.try_emplace(key, Claim{folder_of_file[i], component.plugin});
         if (added) return true;
         const PluginInfo& other = old->second.plugin;
         if (old->second.folder == folder_of_file[i]) {

@@ -76,7 +76,7 @@ class FloatingPointGuard {
 std::string OtherEntry(const boost::dll::shared_library& library) {
   constexpr int kMostVersions = 100;
   for (int version = 0; version < kMostVersions; ++version) {
-    const std::string symbol = "dreamsearch_plugin_v" + std::to_string(version);
+    std::string symbol = "dreamsearch_plugin_v" + std::to_string(version);
     if (library.has(symbol)) return symbol;
   }
   return "";

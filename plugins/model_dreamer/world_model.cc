@@ -1,6 +1,7 @@
 #include "plugins/model_dreamer/world_model.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace dreamsearch::dreamer {
 namespace {
@@ -208,7 +209,7 @@ void WorldModel<T>::Fit(const Sequences<T>& batch, FitLosses* losses) {
     const T measured = settings_.free_nats_per_step ? kl(0, j) : static_cast<T>(losses->kl);
     weight(0, j) = measured > free ? static_cast<T>(settings_.kl_scale) * mean : T(0);
     // The measured value first: max then passes NaN on.
-    charged += static_cast<double>(measured > free || measured != measured ? measured : free);
+    charged += static_cast<double>(measured > free || std::isnan(measured) ? measured : free);
   }
   charged /= static_cast<double>(n);
   losses->total = settings_.observation_weight * losses->observation +

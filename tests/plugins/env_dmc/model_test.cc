@@ -15,7 +15,7 @@ namespace {
 // as all tasks of a domain run on one model.
 std::string TaskOfModel(const std::string& model) {
   for (const TaskEntry& entry : kTasks) {
-    const std::string name = entry.name;
+    std::string name = entry.name;
     const std::string alias = entry.aliases != nullptr ? entry.aliases : "";
     if (name.starts_with(model + "_") || alias.starts_with(model + "_") || name == model) {
       return name;
