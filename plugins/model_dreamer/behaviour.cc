@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 namespace dreamsearch::dreamer {
 template <typename T>
@@ -44,8 +45,12 @@ Behaviour<T>::Behaviour(const Settings& settings, Index action_size)
   actor_ =
       Mlp(&actor_group_, "actor", state, settings.hidden, settings.actor_layers, 2 * a_,
           settings.layer_norm, settings.zero_heads ? Initial::kGlorotHundredth : Initial::kGlorot);
-  value_ = Mlp(&value_group_, "value", state, settings.hidden, settings.value_layers, 1,
-               settings.layer_norm, settings.zero_heads ? Initial::kZero : Initial::kGlorot);
+  for (Index c = 0; c < settings.critics; ++c) {
+    critics_.push_back(Mlp(&value_group_, c == 0 ? "value" : "value" + std::to_string(c), state,
+                           settings.hidden, settings.value_layers, 1, settings.layer_norm,
+                           settings.zero_heads ? Initial::kZero : Initial::kGlorot));
+  }
+  for (DreamLane<T>& lane : lane_) lane.value_tapes.resize(critics_.size());
   shape_.mean_limit = settings.actor_mean_limit;
   // softplus(offset) is the initial deviation: offset = ln(e^std - 1).
   shape_.std_offset = std::log(std::expm1(settings.actor_initial_std));
@@ -211,12 +216,15 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
   } else {
     std::fill(discounts.data, discounts.data + n, static_cast<T>(settings_.discount));
   }
-  const Mat<T> outputs = lane->outputs.Shape(1, n + m);
-  value_.Reserve(n + m, &lane->value_tape);
-  value_.Forward(value, In<T>(states), 0, &lane->value_tape, outputs);
+  const Mat<T> outputs = lane->outputs.Shape(settings_.critics, n + m);
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    critics_[c].Reserve(n + m, &lane->value_tapes[c]);
+    critics_[c].Forward(value, In<T>(states), 0, &lane->value_tapes[c],
+                        outputs.Rows(static_cast<Index>(c), 1));
+  }
   const T scale = static_cast<T>(settings_.value_scale);
   const Mat<T> values = lane->values.Shape(1, n + m);
-  for (Index j = 0; j < n + m; ++j) values(0, j) = scale * outputs(0, j);
+  for (Index j = 0; j < n + m; ++j) values(0, j) = scale * OfCritics(outputs.col(j));
   T* returns = returns_.data() + first * horizon;
   const T lambda = static_cast<T>(settings_.lambda);
   LambdaReturns(horizon, m, lambda, rewards.data, discounts.data, values.data, returns);
@@ -263,6 +271,10 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
   LambdaReturnsBackward(horizon, m, lambda, discounts.data, values.data, returns, d_returns.data,
                         d_rewards.data, d_discounts.data, d_values.data);
   for (Index j = 0; j < n + m; ++j) d_values(0, j) *= scale;
+  const Mat<T> d_outputs = lane->d_outputs.Shape(settings_.critics, n);
+  for (Index j = 0; j < n; ++j) {
+    ToCritics(outputs.col(m + j), d_values(0, m + j), d_outputs.col(j));
+  }
   const Mat<T> d_states = lane->d_states.Shape(settings_.state_size(), n + m);
   SetZero(d_states);
   const Mat<T> d_arrived = d_states.Cols(m, n);
@@ -272,8 +284,11 @@ void Behaviour<T>::DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane) {
     world.ContinuationBackward(model, arrived, lane->continuation_tape, d_discounts, &lane->scratch,
                                d_arrived);
   }
-  value_.Backward(value, In<T>(arrived), m, lane->value_tape, In<T>(d_values.Cols(m, n)),
-                  &lane->scratch, static_cast<T*>(nullptr), d_arrived);
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    critics_[c].Backward(value, In<T>(arrived), m, lane->value_tapes[c],
+                         In<T>(d_outputs.Rows(static_cast<Index>(c), 1)), &lane->scratch,
+                         static_cast<T*>(nullptr), d_arrived);
+  }
   const Mat<T> d_actions = lane->d_actions.Shape(a_, n);
   for (Index tau = horizon; tau-- > 0;) {
     const Index at = tau * m;
@@ -300,33 +315,68 @@ void Behaviour<T>::LearnFromBlock(DreamLane<T>* lane) {
   actor_.Backward(actor_group_.training(&lane->rounded_scratch), states, 0, lane->actor_tape,
                   In<T>(d_raw), &lane->scratch, lane->actor_gradient.data(), Mat<T>());
 
-  // The critic.
+  // The critics.
   const Mat<T> weights = left(lane->weights, 1);
-  const Mat<T> outputs = left(lane->outputs, 1);
+  const Mat<T> outputs = left(lane->outputs, settings_.critics);
   const T* targets = input.stops != nullptr ? input.stops->targets.data()
                                             : returns_.data() + lane->block_first * horizon;
   const T scale = static_cast<T>(settings_.value_scale);
   const T slow_weight = static_cast<T>(settings_.slow_critic_weight);
+  const T share = T(1) / static_cast<T>(settings_.critics);
   const Mat<T> slow = lane->slow_outputs.Shape(1, n);
-  if (slow_weight > 0) {
-    value_.Reserve(n, &lane->slow_tape);
-    value_.Forward(slow_.weights(&lane->rounded_scratch), states, 0, &lane->slow_tape, slow);
+  const Mat<T> d_output = left(lane->d_values, 1);
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    const Mlp& critic = critics_[c];
+    const Mat<T> output = outputs.Rows(static_cast<Index>(c), 1);
+    if (slow_weight > 0) {
+      critic.Reserve(n, &lane->slow_tape);
+      critic.Forward(slow_.weights(&lane->rounded_scratch), states, 0, &lane->slow_tape, slow);
+    }
+    for (Index j = 0; j < n; ++j) {
+      const T target = j < lane->block_count
+                           ? WithSearchValue(input.batch, RowOf(lane->block_first + j),
+                                             settings_.search_value_weight, targets[j])
+                           : targets[j];
+      const T error = output(0, j) - target / scale;
+      const T drift = slow_weight > 0 ? output(0, j) - slow(0, j) : T(0);
+      const T w = share * weights(0, j);
+      lane->losses.value +=
+          static_cast<double>(w * T(0.5) * (error * error + slow_weight * drift * drift));
+      d_output(0, j) = w * mean * (error + slow_weight * drift);
+    }
+    critic.Backward(value_group_.training(&lane->rounded_scratch), states, 0, lane->value_tapes[c],
+                    In<T>(d_output), &lane->scratch, lane->value_gradient.data(), Mat<T>());
   }
-  const Mat<T> d_outputs = left(lane->d_values, 1);
-  for (Index j = 0; j < n; ++j) {
-    const T target = j < lane->block_count
-                         ? WithSearchValue(input.batch, RowOf(lane->block_first + j),
-                                           settings_.search_value_weight, targets[j])
-                         : targets[j];
-    const T error = outputs(0, j) - target / scale;
-    const T drift = slow_weight > 0 ? outputs(0, j) - slow(0, j) : T(0);
-    const T w = weights(0, j);
-    lane->losses.value +=
-        static_cast<double>(w * T(0.5) * (error * error + slow_weight * drift * drift));
-    d_outputs(0, j) = w * mean * (error + slow_weight * drift);
+}
+
+template <typename T>
+T Behaviour<T>::OfCritics(const T* outputs) const {
+  const Index c = settings_.critics;
+  if (c == 1) return outputs[0];
+  if (settings_.least_of_critics) return outputs[LeastOf(outputs)];
+  T sum = 0;
+  for (Index k = 0; k < c; ++k) sum += outputs[k];
+  return sum / static_cast<T>(c);
+}
+
+template <typename T>
+void Behaviour<T>::ToCritics(const T* outputs, T d_value, T* d_outputs) const {
+  const Index c = settings_.critics;
+  if (settings_.least_of_critics) {
+    std::fill(d_outputs, d_outputs + c, T(0));
+    d_outputs[LeastOf(outputs)] = d_value;
+  } else {
+    std::fill(d_outputs, d_outputs + c, d_value / static_cast<T>(c));
   }
-  value_.Backward(value_group_.training(&lane->rounded_scratch), states, 0, lane->value_tape,
-                  In<T>(d_outputs), &lane->scratch, lane->value_gradient.data(), Mat<T>());
+}
+
+template <typename T>
+Index Behaviour<T>::LeastOf(const T* outputs) const {
+  Index least = 0;
+  for (Index k = 1; k < settings_.critics; ++k) {
+    if (outputs[k] < outputs[least] || std::isnan(outputs[k])) least = k;
+  }
+  return least;
 }
 
 template <typename T>
@@ -340,10 +390,15 @@ DreamStops<T> Behaviour<T>::Stops() const {
 
 template <typename T>
 void Behaviour<T>::Value(In<T> states, Mat<T> values) {
-  value_.Reserve(states.cols, &value_tape_);
-  value_.Forward(value_group_.planning(&rounded_scratch_), states, 0, &value_tape_, values);
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    critics_[c].Reserve(states.cols, &value_tape_);
+    critics_[c].Forward(value_group_.planning(&rounded_scratch_), states, 0, &value_tape_,
+                        values.Rows(static_cast<Index>(c), 1));
+  }
   const T scale = static_cast<T>(settings_.value_scale);
-  for (Index j = 0; j < states.cols; ++j) values(0, j) *= scale;
+  for (Index j = 0; j < states.cols; ++j) {
+    for (Index c = 0; c < values.rows; ++c) values(c, j) *= scale;
+  }
 }
 
 template <typename T>

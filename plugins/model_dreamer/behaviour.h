@@ -1,23 +1,24 @@
-// behaviour.h - the actor and the critic, and the dreams that train them.
+// behaviour.h - the actor and the critics, and the dreams that train them.
 //
 // From every start, H transitions are imagined with the prior and sampled
 // actions. With d_tau the discount of arriving at s_tau (gamma, or the
-// continuation model's mean), v(s) the value, and V_H = v(s_H):
+// continuation model's mean), v_c(s) the value of critic c of C, v(s) their mean or least, and
+// V_H = v(s_H):
 //
 //   V_tau = r(s_{tau+1}) + d_{tau+1} ((1 - lambda) v(s_{tau+1}) + lambda V_{tau+1})
 //   w_tau = d_1 ... d_tau
 //   actor loss  - mean( w_tau (V_tau / S + entropy_scale * (- ln pi(a_tau))) )
-//   value loss  mean( w_tau 0.5 (((v(s_tau) - V_tau) / value_scale)^2 +
-//                                slow_critic_weight ((v(s_tau) - v'(s_tau)) / value_scale)^2) )
+//   value loss  mean( w_tau 0.5 (((v_c(s_tau) - V_tau) / value_scale)^2 +
+//                                slow_critic_weight ((v_c(s_tau) - v_c'(s_tau)) / value_scale)^2) )
 //
 // Where a start was searched (SequenceBatch), the actor loss also has search_policy_weight times
 // the mean over starts of the candidates' nll at s_0 (search_targets.h), and V_0 in the value loss
 // is mixed with the value that the search found, share search_value_weight.
 //
-// The mean is over starts and tau = 0 .. H - 1. S is the return scale. The actor's
-// input is gradient-stopped; its gradient comes through the actions, back through
-// the frozen world model and critic; V_tau and the slow critic v' are fixed in the value
-// loss. v(s) leaves out the reward for arriving at s.
+// The mean is over starts and tau = 0 .. H - 1, and over critics. S is the return scale. The
+// actor's input is gradient-stopped; its gradient comes through the actions, back through the
+// frozen world model and critics; V_tau and the slow critics v_c' are fixed in the value loss. v(s)
+// leaves out the reward for arriving at s.
 #pragma once
 
 #include <array>
@@ -99,12 +100,13 @@ struct DreamLane {
   Buffer<T> actor_gradient, value_gradient;
 
   TransitionTape<T> transitions;
-  MlpTape<T> actor_tape, value_tape, slow_tape, reward_tape, continuation_tape;
+  MlpTape<T> actor_tape, slow_tape, reward_tape, continuation_tape;
+  std::vector<MlpTape<T>> value_tapes;  // of each critic
   MlpScratch<T> scratch;
   Bfloat16Scratch rounded_scratch;
   Buffer<T> states, action_noise, raw, squashed, std, actions, entropy, rewards, logits, discounts,
-      values, outputs, slow_outputs, weights, d_states, d_returns, d_rewards, d_discounts, d_values,
-      d_actions, d_raw, entropy_weights;
+      values, outputs, d_outputs, slow_outputs, weights, d_states, d_returns, d_rewards,
+      d_discounts, d_values, d_actions, d_raw, entropy_weights;
   Imitation<T> imitation;
 };
 
@@ -118,7 +120,7 @@ class Behaviour {
   const ParameterGroup<T>& actor() const { return actor_group_; }
   const ParameterGroup<T>& value() const { return value_group_; }
 
-  // The slow critic's parameters, as many as value().
+  // The slow critics' parameters, as many as value().
   std::vector<T>& slow() { return slow_.values(); }
   const std::vector<T>& slow() const { return slow_.values(); }
   void ResetSlow() { slow_.Reset(value_group_); }
@@ -126,7 +128,7 @@ class Behaviour {
 
   // Makes both groups' parameters; see ParameterGroup::Allocate.
   void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding);
-  // Lays the weights out anew, the slow critic's too; after any of them has changed.
+  // Lays the weights out anew, the slow critics' too; after any of them has changed.
   void Pack();
 
   // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
@@ -147,7 +149,7 @@ class Behaviour {
   // The constants of a dream in one block.
   DreamStops<T> Stops() const;
 
-  // values: [1, n], in the units of rewards.
+  // values: [C, n], in the units of rewards.
   void Value(In<T> states, Mat<T> values);
   // actions: [A, n]; the mode where noise is empty.
   void Act(In<T> states, In<T> noise, Mat<T> actions);
@@ -165,6 +167,10 @@ class Behaviour {
   void DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane);
   // Both losses' gradients in the weights, from what DreamBlock left.
   void LearnFromBlock(DreamLane<T>* lane);
+  // v of one state, from the outputs of its critics [C], and back.
+  T OfCritics(const T* outputs) const;
+  void ToCritics(const T* outputs, T d_value, T* d_outputs) const;
+  Index LeastOf(const T* outputs) const;
   // group's gradient += the lanes'.
   void AddGradients(Buffer<T> DreamLane<T>::*gradient, ParameterGroup<T>* group);
 
@@ -173,7 +179,8 @@ class Behaviour {
   ActorShape shape_;
   ParameterGroup<T> actor_group_{"actor"};
   ParameterGroup<T> value_group_{"value"};
-  Mlp actor_, value_;
+  Mlp actor_;
+  std::vector<Mlp> critics_;
   SlowCopy<T> slow_;
   std::vector<T> returns_;
 

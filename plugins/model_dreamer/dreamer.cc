@@ -39,6 +39,7 @@ Dreamer::Dreamer(const Settings& settings, Index observation_size, Index action_
     : FloatModel({.state = settings.state_size(),
                   .observation = observation_size,
                   .action = action_size,
+                  .critics = settings.critics,
                   .metrics = kMetricCount,
                   .step_noise = settings.imagined_latent_mean ? 0 : settings.stochastic,
                   .belief_noise = settings.acting_latent_mean ? 0 : settings.stochastic}),

@@ -17,7 +17,7 @@ class Dreamer final : public FloatModel {
   Dreamer(const Settings& settings, Index observation_size, Index action_size, std::uint64_t seed);
 
   void SetThreads(std::uint32_t threads) noexcept override { learner_.SetThreads(threads); }
-  const Learner<float>& learner() const { return learner_; }
+  Learner<float>& learner() { return learner_; }
 
  private:
   ~Dreamer() override = default;

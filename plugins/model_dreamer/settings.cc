@@ -7,6 +7,7 @@ namespace {
 
 // Sources: [paper] Koul et al. 2020; [dreamer] Hafner et al. 2020 and its code;
 // [v2] DreamerV2, Hafner et al. 2021; [v3] DreamerV3, Hafner et al. 2023;
+// [MRS.Q] arXiv 2601.21306;
 // [ours] chosen here, see README.md.
 constexpr auto kSettings = BindSettings<Settings>(
     Bind<&Settings::deterministic>(
@@ -36,6 +37,10 @@ constexpr auto kSettings = BindSettings<Settings>(
         IntParameter("actor_layers", 4, 1, 8, "layers", "Hidden layers of the actor. [dreamer]")),
     Bind<&Settings::value_layers>(
         IntParameter("value_layers", 3, 1, 8, "layers", "Hidden layers of the value. [dreamer]")),
+    Bind<&Settings::critics>(
+        IntParameter("critics", 1, 1, 16, "",
+                     "Values in the ensemble, all trained; planners see its mean, deviation and "
+                     "least. [MRS.Q: 10; paper: 1]")),
     Bind<&Settings::layer_norm>(
         ChoiceParameter("norm", "none", "none,layer",
                         "Layer normalisation before every ELU; slower, and not better "
@@ -150,6 +155,10 @@ constexpr auto kSettings = BindSettings<Settings>(
             "The value is this times the network's output, which is fitted in its own units. "
             "[ours: 1 / (1 - gamma); paper: 1]")
             .Preset("paper", 1)),
+    Bind<&Settings::least_of_critics>(
+        ChoiceParameter("value_in_dreams", "mean", "mean,least",
+                        "The ensemble's value that the returns of a dream are made of: its mean, "
+                        "or its least. [MRS.Q: least]")),
     Bind<&Settings::slow_critic_weight>(
         RealParameter(
             "slow_critic_weight", 1, 0, 100, "",

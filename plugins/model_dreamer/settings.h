@@ -25,6 +25,7 @@ struct Settings {
   Index continuation_layers{};
   Index actor_layers{};
   Index value_layers{};
+  Index critics{};  // C
   bool layer_norm{};
 
   // World model.
@@ -56,6 +57,7 @@ struct Settings {
   bool percentile_return_scale{};
   double return_scale_rate{};
   double value_scale{};
+  bool least_of_critics{};
   double slow_critic_weight{};
   double slow_critic_rate{};
   double search_policy_weight{};

@@ -38,6 +38,7 @@ struct DreamerCase {
   static Settings AskingForAll(const char* preset) {
     Settings s = PresetSettings(preset);
     s.continuation = true;
+    s.critics = 2;
     s.imagined_latent_mean = false;
     s.horizon = 3;
     s.imagination_starts = 300;  // more than one block
@@ -94,6 +95,40 @@ TEST(Dreamer, LearnsWithTheSmallestEpsilon) {
 TEST(Dreamer, DiscountsByGammaWithoutAContinuationModel) {
   const ModelPointer model = Make(Small());
   for (const double discount : Ask(model.get(), 3, 5).discounts) EXPECT_EQ(discount, 0.99);
+}
+
+TEST(Dreamer, ReportsMeanDeviationAndLeastOfItsCritics) {
+  Settings settings = Small();
+  settings.critics = 3;
+  const ModelPointer model = Make(settings);
+  for (std::uint64_t update = 0; update < 20; ++update) {
+    Train<DreamerCase>(model.get(), PointBatch(6, 10, update), update);
+  }
+  LatentArray latents(*model, 5);
+  for (std::size_t i = 0; i < latents.floats().size(); ++i) {
+    latents.floats()[i] = 0.02f * static_cast<float>(i % 7);
+  }
+  std::vector<double> values(5), deviations(5), least(5);
+  ASSERT_TRUE(
+      model->Value(latents, {{values.data(), 5}, {deviations.data(), 5}, {least.data(), 5}}).ok());
+  Buffer<float> buffer;
+  const Mat<float> of_each = buffer.Shape(3, 1);
+  for (std::size_t row = 0; row < 5; ++row) {
+    const float* state = latents.floats().data() + row * (model->latent_bytes() / sizeof(float));
+    static_cast<Dreamer*>(model.get())
+        ->learner()
+        .behaviour()
+        .Value(Mat<const float>(state, settings.state_size(), 1), of_each);
+    double mean = 0, squares = 0;
+    for (Index c = 0; c < 3; ++c) {
+      mean += static_cast<double>(of_each(c, 0)) / 3;
+      squares += static_cast<double>(of_each(c, 0)) * static_cast<double>(of_each(c, 0)) / 3;
+    }
+    EXPECT_NEAR(values[row], mean, 1e-9);
+    EXPECT_NEAR(deviations[row], std::sqrt(squares - mean * mean), 1e-6);
+    EXPECT_EQ(least[row], *std::min_element(of_each.data, of_each.data + 3));
+    EXPECT_GT(deviations[row], 1e-6) << "the critics began as different ones";
+  }
 }
 
 TEST(Dreamer, HasOneCriticAndSoNoSpread) {

@@ -77,6 +77,18 @@ const Variant kVariants[] = {
      {},
      4},
     {"searches", [](Settings*) {}, {}, 2},
+    {"three_critics",
+     [](Settings* s) {
+       s->critics = 3;
+       s->slow_critic_weight = 0.5;
+       s->value_scale = 20;
+     }},
+    {"least_of_critics",
+     [](Settings* s) {
+       s->critics = 3;
+       s->least_of_critics = true;
+       s->slow_critic_weight = 0.5;
+     }},
     {"episodes_end_inside", [](Settings* s) { s->continuation = true; }, {2, 5, 6, 11}},
 };
 

@@ -22,6 +22,7 @@ TEST(Settings, PaperPresetHasThePapersNumbers) {
   EXPECT_EQ(s.continuation_layers, 3);
   EXPECT_EQ(s.actor_layers, 4);
   EXPECT_EQ(s.value_layers, 3);
+  EXPECT_EQ(s.critics, 1);
   EXPECT_FALSE(s.layer_norm);
   EXPECT_FALSE(s.normalise_observations);
   EXPECT_EQ(s.observation_weight, 1);
