@@ -358,7 +358,7 @@ class Parser {
       const char quote = text_[at_++];
       const std::size_t end = text_.find(quote, at_);
       if (end == std::string::npos) Fail("a closing quote");
-      const std::string name = text_.substr(at_, end - at_);
+      std::string name = text_.substr(at_, end - at_);
       at_ = end + 1;
       return name;
     }

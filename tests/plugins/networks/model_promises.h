@@ -90,8 +90,10 @@ class LatentArray {
  public:
   LatentArray(const Model& model, std::uint64_t n)
       : rows_(n), cols_(model.latent_bytes()), floats_(n * cols_ / sizeof(float)) {}
+  // Where the SDK asks for latents. NOLINTBEGIN(google-explicit-constructor)
   operator Latents() { return {reinterpret_cast<std::byte*>(floats_.data()), rows_, cols_}; }
   operator ConstLatents() { return Latents(*this); }
+  // NOLINTEND(google-explicit-constructor)
   std::vector<float>& floats() { return floats_; }
 
  private:
