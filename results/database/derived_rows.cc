@@ -199,45 +199,57 @@ void RemakeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin) {
 
 namespace {
 
-constexpr const char* kRecord[] = {
-    "SELECT r.uuid, s.name, t.name, t.domain, t.observation_size, t.action_size,"
-    " t.control_seconds, t.substeps, t.episode_steps, t.return_low, t.return_high, r.planner,"
-    " r.model, e.name, e.version, e.abi, e.file, e.sha256, m.name, m.version, m.abi, m.file,"
-    " m.sha256, p.name, p.version, p.abi, p.file, p.sha256, c.sha256, r.preset, r.seed,"
-    " r.action_repeat, r.env_steps_target, r.env_steps_done, r.status, parent.uuid, r.exit_code,"
-    " r.error, r.argv, b.version, b.commit_hash, b.dirty, b.compiler, b.flags, b.instruction_set,"
-    " b.libraries, r.created_utc, r.ended_utc, r.heartbeat_utc, r.result_digest"
-    " FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id) JOIN config c USING"
-    " (config_id) JOIN build b USING (build_id) LEFT JOIN plugin e ON e.plugin_id = r.env_plugin"
-    " LEFT JOIN plugin m ON m.plugin_id = r.model_plugin LEFT JOIN plugin p ON"
-    " p.plugin_id = r.planner_plugin LEFT JOIN run parent ON parent.run_id = r.parent_run_id"
-    " WHERE r.run_id = ?1",
-    "SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, b.version, b.commit_hash,"
-    " s.instruction_set, s.pid, s.from_env_step, s.to_env_step, s.started_utc, s.ended_utc,"
-    " s.end_reason, s.rows_rolled_back, s.slurm_job FROM segment s JOIN host h USING (host_id)"
-    " LEFT JOIN build b ON b.build_id = s.build_id WHERE s.run_id = ?1 ORDER BY s.segment",
-    "SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, "
-    "activity",
-    // Rows of runs before schema 6 have none of these.
-    "SELECT env_step, activity, processor_seconds, gflop FROM time_use WHERE run_id = ?1 AND"
-    " processor_seconds IS NOT NULL ORDER BY env_step, activity",
-    "SELECT segment, gflop_per_second FROM segment WHERE run_id = ?1 AND gflop_per_second IS NOT"
-    " NULL ORDER BY segment",
-    "SELECT segment, slurm_restarts, slurm_node FROM segment WHERE run_id = ?1 AND (slurm_restarts"
-    " IS NOT NULL OR slurm_node IS NOT NULL) ORDER BY segment",
-    "SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq",
-    "SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
-    " ORDER BY kind, env_step, sha256, bytes",
+// A query, and the generation of records that it came with: a run that ended before has no rows
+// of it, and its record was made without it.
+struct RecordQuery {
+  const char* sql;
+  int since = 0;
+};
+constexpr RecordQuery kRecord[] = {
+    {"SELECT r.uuid, s.name, t.name, t.domain, t.observation_size, t.action_size,"
+     " t.control_seconds, t.substeps, t.episode_steps, t.return_low, t.return_high, r.planner,"
+     " r.model, e.name, e.version, e.abi, e.file, e.sha256, m.name, m.version, m.abi, m.file,"
+     " m.sha256, p.name, p.version, p.abi, p.file, p.sha256, c.sha256, r.preset, r.seed,"
+     " r.action_repeat, r.env_steps_target, r.env_steps_done, r.status, parent.uuid, r.exit_code,"
+     " r.error, r.argv, b.version, b.commit_hash, b.dirty, b.compiler, b.flags, b.instruction_set,"
+     " b.libraries, r.created_utc, r.ended_utc, r.heartbeat_utc, r.result_digest"
+     " FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id) JOIN config c USING"
+     " (config_id) JOIN build b USING (build_id) LEFT JOIN plugin e ON e.plugin_id = r.env_plugin"
+     " LEFT JOIN plugin m ON m.plugin_id = r.model_plugin LEFT JOIN plugin p ON"
+     " p.plugin_id = r.planner_plugin LEFT JOIN run parent ON parent.run_id = r.parent_run_id"
+     " WHERE r.run_id = ?1"},
+    {"SELECT s.segment, h.hostname, h.cpu, h.cores, h.memory_bytes, h.os, b.version, b.commit_hash,"
+     " s.instruction_set, s.pid, s.from_env_step, s.to_env_step, s.started_utc, s.ended_utc,"
+     " s.end_reason, s.rows_rolled_back, s.slurm_job FROM segment s JOIN host h USING (host_id)"
+     " LEFT JOIN build b ON b.build_id = s.build_id WHERE s.run_id = ?1 ORDER BY s.segment"},
+    {"SELECT env_step, activity, seconds FROM time_use WHERE run_id = ?1 ORDER BY env_step, "
+     "activity"},
+    {"SELECT env_step, activity, processor_seconds, gflop FROM time_use WHERE run_id = ?1 AND"
+     " processor_seconds IS NOT NULL ORDER BY env_step, activity",
+     1},
+    {"SELECT segment, gflop_per_second FROM segment WHERE run_id = ?1 AND gflop_per_second IS NOT"
+     " NULL ORDER BY segment",
+     1},
+    {"SELECT segment, slurm_restarts, slurm_node FROM segment WHERE run_id = ?1 AND (slurm_restarts"
+     " IS NOT NULL OR slurm_node IS NOT NULL) ORDER BY segment",
+     2},
+    {"SELECT seq, env_step, utc, level, kind, detail FROM event WHERE run_id = ?1 ORDER BY seq"},
+    {"SELECT kind, env_step, bytes, sha256 FROM artifact WHERE run_id = ?1"
+     " ORDER BY kind, env_step, sha256, bytes"},
 };
 
 }  // namespace
 
-Chunk ComputeRecord(Connection& db, std::int64_t run_id) {
+std::optional<Chunk> ComputeRecord(Connection& db, std::int64_t run_id, int generation) {
   RollingDigest digest(5);
   std::int64_t count = 0;
-  for (const char* sql : kRecord) {
-    Statement rows = db.Prepare(sql);
+  for (const RecordQuery& query : kRecord) {
+    Statement rows = db.Prepare(query.sql);
     rows.Bind(run_id);
+    if (query.since > generation) {
+      if (rows.Step()) return std::nullopt;
+      continue;
+    }
     while (rows.Step()) {
       ++count;
       for (int i = 0; i < rows.columns(); ++i) {
@@ -259,7 +271,16 @@ Chunk ComputeRecord(Connection& db, std::int64_t run_id) {
     }
     digest.AddBits(6);
   }
-  return {count, digest.state()};
+  return Chunk{count, digest.state()};
+}
+
+bool RecordIsAsSealed(Connection& db, std::int64_t run_id) {
+  const std::optional<Chunk> sealed = ReadRecord(db, run_id);
+  if (!sealed) return true;
+  for (int generation = kNewestRecord; generation >= 0; --generation) {
+    if (ComputeRecord(db, run_id, generation) == sealed) return true;
+  }
+  return false;
 }
 
 std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id) {
@@ -271,7 +292,7 @@ std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id) {
 }
 
 void SealRecord(Connection& db, std::int64_t run_id) {
-  const Chunk record = ComputeRecord(db, run_id);
+  const Chunk record = *ComputeRecord(db, run_id, kNewestRecord);
   db.Prepare(
         "INSERT INTO chunk_digest (run_id, tbl, first_step, last_step, n_rows, digest)"
         " VALUES (?1, 'run', -1, -1, ?2, ?3) ON CONFLICT DO UPDATE SET"

@@ -71,8 +71,12 @@ void RemakeChunks(Connection& db, std::int64_t run_id, std::int64_t first_bin);
 // A run that has ended has one more row of chunk_digest, `tbl` being 'run' and the
 // steps -1: the digest of its record, that is of everything else there is about it
 // (its row, task, plugins, build, segments with their hosts, times, events, files).
-// Names stand in it, never ids or folders, so it too survives a merge.
-Chunk ComputeRecord(Connection& db, std::int64_t run_id);
+// Names stand in it, never ids or folders, so it too survives a merge. As a program of a generation
+// of records makes it; none if the run has rows that such a program did not know.
+inline constexpr int kNewestRecord = 2;
+std::optional<Chunk> ComputeRecord(Connection& db, std::int64_t run_id, int generation);
+// True also for a run without a record, and for one that a program of before ended.
+bool RecordIsAsSealed(Connection& db, std::int64_t run_id);
 std::optional<Chunk> ReadRecord(Connection& db, std::int64_t run_id);
 void SealRecord(Connection& db, std::int64_t run_id);
 // To be called before anything in the record changes.

@@ -26,17 +26,24 @@ std::size_t MostOpen() {
 struct MergeDatabases {
   std::string db = kDefaultDatabase;
   std::vector<std::string> sources;
+  bool without_decisions = false;
 
   CommandSpec Declare() {
-    return {.name = "results merge",
-            .summary = "adds the runs of several databases to one",
-            .usage = {"results merge SOURCE... --db TARGET"},
-            .examples = {"results merge node1.db node2.db --db all.db"},
-            .about =
-                "Creates the target if it does not exist. If both have a run, the one that got "
-                "further stays, so the order of merging makes no difference.",
-            .arguments = {{"", "SOURCE", Texts(&sources).Required(), "the databases to read"}},
-            .groups = {{"Where to", {{"db", "TARGET", Text(&db), "the database to add to"}}}}};
+    return {
+        .name = "results merge",
+        .summary = "adds the runs of several databases to one",
+        .usage = {"results merge SOURCE... --db TARGET"},
+        .examples = {"results merge node1.db node2.db --db all.db",
+                     "results merge results/dreamsearch.db --db small.db --without-decisions"},
+        .about =
+            "Creates the target if it does not exist. If both have a run, the one that got "
+            "further stays, so the order of merging makes no difference.",
+        .arguments = {{"", "SOURCE", Texts(&sources).Required(), "the databases to read"}},
+        .groups = {{"Where to", {{"db", "TARGET", Text(&db), "the database to add to"}}},
+                   {"How much",
+                    {{"without-decisions", "", Switch(&without_decisions),
+                      "leave the rows of single decisions of finished runs out, most of a "
+                      "database: curves, comparisons and `results verify` do not need them"}}}}};
   }
   int Run();
 };
@@ -53,7 +60,8 @@ int MergeDatabases::Run() {
   for (std::size_t i = 0; i < sources.size(); ++i) {
     const std::string& source = sources[i];
     if (opened[i] == nullptr) opened[i] = Database::OpenReadOnly(source);
-    const MergeResult result = Merge(target.get(), opened[i].get());
+    const MergeResult result =
+        Merge(target.get(), opened[i].get(), {.decisions = !without_decisions});
     opened[i].reset();
     for (const std::string& note : result.notes) std::cerr << "note: " << Printable(note) << "\n";
     std::cout << AbsolutePath(source) << ": " << result.added << " runs added, " << result.replaced

@@ -90,8 +90,8 @@ class ForeignKeysTrusted {
 
 class Merger {
  public:
-  Merger(Database* target, Database* source)
-      : target_(target), db_(target->connection()), source_(source) {}
+  Merger(Database* target, Database* source, const MergeSettings& settings)
+      : target_(target), db_(target->connection()), source_(source), settings_(settings) {}
 
   MergeResult Run() {
     if (source_->path() == target_->path()) {
@@ -176,7 +176,7 @@ class Merger {
     if (there) {
       const bool same = there->uuid == run.uuid;
       if (!same) result_.notes.push_back(RunTwice(run, *there));
-      if (!StaysOver(run, *there)) {
+      if (!StaysOver(run, *there) && !(same && BringsDecisions(run, *there))) {
         ++result_.kept;
         if (same) merged_[run.run_id] = there->run_id;
         return;
@@ -203,7 +203,17 @@ class Merger {
               run.exit_code, run.error, run.created_utc, Maybe(run.ended_utc),
               Maybe(run.heartbeat_utc), Maybe(run.result_digest))
         .Run();
-    CopyRows(run.run_id, run_id);
+    CopyRows(run.run_id, run_id, settings_.decisions || run.status != RunStatus::kFinished);
+  }
+
+  // Whether a run that was merged without them can have its decisions back.
+  bool BringsDecisions(const RunInfo& run, const RunInfo& there) {
+    return settings_.decisions && run.env_steps_done == there.env_steps_done &&
+           run.status == there.status && HasDecisions("source", run.run_id) &&
+           !HasDecisions("main", there.run_id);
+  }
+  bool HasDecisions(const std::string& schema, std::int64_t run_id) {
+    return db_.Prepare("SELECT 1 FROM " + schema + ".step WHERE run_id = ?1").Bind(run_id).Step();
   }
 
   // The bins go first, so that no trigger maintains what is about to vanish.
@@ -279,16 +289,23 @@ class Merger {
       if (copy.table == kScalarTable) {
         copy_scalars_ = db_.Prepare(copy.sql);
       } else {
-        copies_.push_back(db_.Prepare(copy.sql));
+        copies_.emplace_back(copy.table, db_.Prepare(copy.sql));
       }
     }
   }
 
-  void CopyRows(std::int64_t from, std::int64_t to) {
+  void CopyRows(std::int64_t from, std::int64_t to, bool decisions) {
     MapMachines(from);
-    for (Statement& copy : copies_) {
+    for (auto& [table, copy] : copies_) {
+      if (table == "step" && !decisions) continue;
       copy.Bind(from, to).Run();
       result_.rows += db_.Changes();
+    }
+    if (!decisions) {
+      db_.Prepare("DELETE FROM main.chunk_digest WHERE run_id = ?1 AND tbl = 'step'")
+          .Bind(to)
+          .Run();
+      result_.rows -= db_.Changes();
     }
     for (const auto& [metric, old] : metrics_) {
       copy_scalars_.Bind(from, to, old, metric).Run();
@@ -337,20 +354,23 @@ class Merger {
   Database* target_;
   Connection& db_;
   Database* source_;
+  const MergeSettings settings_;
   std::map<std::int64_t, std::int64_t> metrics_;  // metric_id of the target to the source's
   std::vector<std::string> tables_;               // of what a run recorded
-  std::vector<Statement> copies_;                 // one a table
-  Statement copy_scalars_;                        // of one metric, ?3 there and ?4 here
-  std::map<std::int64_t, std::int64_t> merged_;   // run_id of the source to that of the target
+  std::vector<std::pair<std::string, Statement>> copies_;  // of each table
+  Statement copy_scalars_;                                 // of one metric, ?3 there and ?4 here
+  std::map<std::int64_t, std::int64_t> merged_;  // run_id of the source to that of the target
   MergeResult result_;
 };
 
 }  // namespace
 
-MergeResult Merge(Database* target, Database* source) { return Merger(target, source).Run(); }
+MergeResult Merge(Database* target, Database* source, const MergeSettings& settings) {
+  return Merger(target, source, settings).Run();
+}
 
-MergeResult Merge(Database* target, const std::string& source) {
-  return Merge(target, Database::OpenReadOnly(source).get());
+MergeResult Merge(Database* target, const std::string& source, const MergeSettings& settings) {
+  return Merge(target, Database::OpenReadOnly(source).get(), settings);
 }
 
 }  // namespace dreamsearch::results

@@ -19,7 +19,8 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter);
 
 // Where a run and its repetition first differ, one line for the decisions and one for
 // the episodes, in the order of environment steps; nothing if they agree. Compares
-// all that seeds decide, bit for bit, and no times. Either may be in a file of its own.
+// all that seeds decide, bit for bit, and no times; no decisions if `stored` has none of the run
+// (MergeSettings). Either may be in a file of its own.
 std::vector<std::string> CompareRuns(Database* stored, std::int64_t stored_run, Database* repeated,
                                      std::int64_t repeated_run);
 

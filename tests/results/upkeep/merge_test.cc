@@ -249,6 +249,25 @@ TEST_F(MergeTest, ARunThatEndsMeanwhileIsCopiedAsItEnded) {
   EXPECT_TRUE(Verify(target.get(), {}).empty());
 }
 
+TEST_F(MergeTest, WithoutItsDecisionsAFinishedRunVerifiesAndCanHaveThemBack) {
+  Record(Open("a.db").get(), {.seed = 0}, 3);
+  Record(Open("a.db").get(), {.seed = 1}, 3, RunStatus::kInterrupted);
+  const auto a = Open("a.db"), target = Open("t.db");
+  EXPECT_EQ(Merge(target.get(), a.get(), {.decisions = false}).added, 2);
+  EXPECT_EQ(Count(target.get(), "SELECT count(*) FROM step WHERE run_id = 1"), 0);
+  EXPECT_EQ(Count(target.get(), "SELECT count(*) FROM step WHERE run_id = 2"), 30)
+      << "an unfinished run goes on from its decisions";
+  EXPECT_EQ(Verify(target.get(), {}), std::vector<std::string>());
+  EXPECT_EQ(target->ComputeResultDigest(1), a->ComputeResultDigest(1));
+  EXPECT_EQ(CompareRuns(target.get(), 1, a.get(), 1), std::vector<std::string>());
+
+  EXPECT_EQ(Merge(target.get(), a.get(), {.decisions = false}).kept, 2);
+  EXPECT_EQ(Merge(target.get(), a.get()).replaced, 1);
+  EXPECT_EQ(Everything(target.get()), Everything(a.get()));
+  EXPECT_EQ(Merge(target.get(), a.get(), {.decisions = false}).kept, 2);
+  EXPECT_EQ(Everything(target.get()), Everything(a.get()));
+}
+
 TEST_F(MergeTest, ADatabaseIsNotMergedIntoItself) {
   const auto a = Open("a.db");
   EXPECT_THROW(Merge(a.get(), folder_ / "a.db"), Failure);

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <functional>
 
+#include "results/database/derived_rows.h"
 #include "tests/results/database/recording.h"
 
 namespace dreamsearch::results {
@@ -128,6 +129,26 @@ TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
     EXPECT_EQ(Problems(), 1u) << change;
     db_->connection().Execute(back);
     EXPECT_EQ(Problems(), 0u) << back;
+  }
+}
+
+// A program of before knew fewer columns, which are empty in its runs.
+TEST_F(VerificationTest, ARunThatAnEarlierProgramEndedIsAsItWasWritten) {
+  Connection& db = db_->connection();
+  db.Execute("UPDATE segment SET slurm_restarts = NULL, slurm_node = NULL");
+  for (int generation = 0; generation <= kNewestRecord; ++generation) {
+    const std::optional<Chunk> record = ComputeRecord(db, 1, generation);
+    ASSERT_TRUE(record) << generation;
+    db.Prepare("UPDATE chunk_digest SET n_rows = ?1, digest = ?2 WHERE tbl = 'run'")
+        .Bind(record->rows, static_cast<std::int64_t>(record->digest))
+        .Run();
+    EXPECT_EQ(Problems(), 0u) << generation;
+    for (const char* change :
+         {"UPDATE segment SET slurm_node = 'n1'", "UPDATE run SET seed = seed + 1"}) {
+      db.Execute(change);
+      EXPECT_EQ(Problems(), 1u) << generation << ": " << change;
+      db.Execute("UPDATE segment SET slurm_node = NULL; UPDATE run SET seed = 0");
+    }
   }
 }
 
