@@ -3,23 +3,21 @@
 
 usage: report_check.py RESULTS_PROGRAM DATABASE [SCREENSHOT_FOLDER]
 
-Talks to Chromium over its debugging pipe with the standard library alone. The
-network is cut off, so whatever the page needs must be in it. Exits 77 without
-Chromium, which CTest reports as skipped.
+Exits 77 without Chromium, which CTest reports as skipped.
 """
-import base64
 import csv
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
 
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../chromium"))
+from browser import Browser, chromium
+
 program, database = sys.argv[1:3]
 screenshots = sys.argv[3] if len(sys.argv) > 3 else None
-chromium = shutil.which("chromium") or shutil.which("chromium-browser")
 if chromium is None:
     print("skipped: no chromium")
     sys.exit(77)
@@ -32,118 +30,6 @@ def check(what, ok, found=""):
     if not ok:
         failures += 1
         print(f"FAILED: {what}: {found}")
-
-
-class Browser:
-    """Chromium's debugging protocol over file descriptors 3 and 4."""
-
-    def __init__(self, folder):
-        to_browser, self.write_end = os.pipe()
-        self.read_end, from_browser = os.pipe()
-        flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe",
-                 "--disable-dev-shm-usage", "--host-resolver-rules=MAP * ~NOTFOUND",
-                 f"--user-data-dir={folder}", "--no-first-run", "about:blank"]
-
-        def descriptors():
-            os.dup2(to_browser, 13)
-            os.dup2(from_browser, 14)
-            os.dup2(13, 3)
-            os.dup2(14, 4)
-
-        self.process = subprocess.Popen([chromium, *flags], preexec_fn=descriptors,
-                                        close_fds=False, stdout=subprocess.DEVNULL,
-                                        stderr=subprocess.DEVNULL)
-        os.close(to_browser)
-        os.close(from_browser)
-        self.buffer = b""
-        self.number = 0
-        self.session = None
-        self.errors = []
-
-    def call(self, method, **parameters):
-        self.number += 1
-        message = {"id": self.number, "method": method, "params": parameters}
-        if self.session and not method.startswith("Target."):
-            message["sessionId"] = self.session
-        os.write(self.write_end, json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self.receive()
-            if answer.get("id") == self.number:
-                if "error" in answer:
-                    raise RuntimeError(f"{method}: {answer['error']}")
-                return answer["result"]
-
-    def receive(self):
-        while b"\0" not in self.buffer:
-            chunk = os.read(self.read_end, 1 << 16)
-            if not chunk:
-                raise RuntimeError("Chromium went away")
-            self.buffer += chunk
-        raw, self.buffer = self.buffer.split(b"\0", 1)
-        message = json.loads(raw)
-        if message.get("method") == "Runtime.exceptionThrown":
-            details = message["params"]["exceptionDetails"]
-            self.errors.append(details.get("exception", {}).get("description", str(details)))
-        return message
-
-    def open(self, url, width=1200, height=900, scripting=True, dark=False):
-        if self.session:
-            self.call("Target.closeTarget", targetId=self.target)
-            self.session = None
-        self.target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=self.target,
-                                 flatten=True)["sessionId"]
-        self.call("Runtime.enable")
-        self.call("Page.enable")
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height,
-                  deviceScaleFactor=1, mobile=width < 600)
-        self.call("Emulation.setScriptExecutionDisabled", value=not scripting)
-        self.call("Emulation.setEmulatedMedia",
-                  features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
-        self.call("Page.navigate", url=url)
-        while self.receive().get("method") != "Page.loadEventFired":
-            pass
-
-    def value(self, expression):
-        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True,
-                           awaitPromise=True)
-        if "exceptionDetails" in result:
-            raise RuntimeError(f"{expression}: {result['exceptionDetails']}")
-        return result["result"].get("value")
-
-    def until(self, expression, seconds=60):
-        end = time.time() + seconds
-        while time.time() < end:
-            if self.value(expression):
-                return True
-            time.sleep(0.05)
-        return False
-
-    def move(self, x, y):
-        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-
-    def click(self, selector):
-        x, y = self.value(f"(() => {{ const e = {selector}; e.scrollIntoView({{block: 'center'}});"
-                          " const r = e.getBoundingClientRect();"
-                          " return [r.x + r.width / 2, r.y + r.height / 2]; })()")
-        for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
-
-    def picture(self, name):
-        if screenshots is None:
-            return
-        data = self.call("Page.captureScreenshot", format="png")["data"]
-        with open(os.path.join(screenshots, name), "wb") as file:
-            file.write(base64.b64decode(data))
-
-    def close(self):
-        self.session = None
-        os.write(self.write_end, json.dumps({"id": 0, "method": "Browser.close"}).encode() + b"\0")
-        try:
-            self.process.wait(timeout=20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
 
 
 # Chromium's helpers may still write to the profile after it has gone.
@@ -194,6 +80,11 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
                           if int(row["n"]) == seeds_there]
                 check("the numbers drawn are those of the table, to the bit", points == wanted,
                       (name, axis, label, points, wanted))
+
+    def picture(name):
+        if screenshots is not None:
+            browser.picture(os.path.join(screenshots, name))
+
     try:
         browser.open(url)
         check("the first chart is drawn", browser.until(f"Boolean({chart})"))
@@ -202,7 +93,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         check("no two elements have the same id", browser.value(
             "(() => { const ids = [...document.querySelectorAll('[id]')].filter((e) => "
             "!e.closest('svg')).map((e) => e.id); return ids.length === new Set(ids).size; })()"))
-        browser.picture("page.png")
+        picture("page.png")
         labels = browser.value(f"{data}.lines.map((line) => line.label)")
         seeds = browser.value(f"{data}.seeds")
         counts = browser.value(f"{first}.querySelector('.counts').textContent")
@@ -225,7 +116,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         text = browser.value(f"{chart}.tooltip.body.map((b) => b.lines.join()).join()")
         check("the tooltip says planner, range and n", "n = " in text and " to " in text and
               any(text.startswith(label) for label in labels), text)
-        browser.picture("hover.png")
+        picture("hover.png")
 
         # Untick a planner: its line goes.
         shown = (f"{chart}.data.datasets.filter((d) => d.curve)"
@@ -246,7 +137,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
               browser.value(count))
         check("the caption still counts every seed",
               browser.value(f"{first}.querySelector('.counts').textContent") == counts)
-        browser.picture("single.png")
+        picture("single.png")
         browser.click("document.querySelector('input[name=seed]')")
 
         compare_with_tables("steps")
@@ -281,7 +172,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
 
         browser.open(url, dark=True)
         browser.until(f"Boolean({chart})")
-        browser.picture("dark.png")
+        picture("dark.png")
         browser.open(url, width=390, height=800, dark=True)
         check("it is drawn on a phone", browser.until(f"Boolean({chart})"))
         check("it fits a phone",
@@ -289,7 +180,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
               browser.value("document.documentElement.scrollWidth"))
         check("dark paper is dark",
               browser.value("getComputedStyle(document.body).backgroundColor") == "rgb(22, 24, 27)")
-        browser.picture("phone-dark.png")
+        picture("phone-dark.png")
 
         browser.open(url, scripting=False)
         document = browser.call("DOM.getDocument", depth=-1)
@@ -298,7 +189,7 @@ with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         check("without scripting there are pictures", count >= 2, count)
         check("and no empty charts", browser.value(
             "getComputedStyle(document.querySelector('#task-charts')).display") == "none")
-        browser.picture("without-scripting.png")
+        picture("without-scripting.png")
         check("no script failed", not browser.errors, browser.errors)
     finally:
         browser.close()
