@@ -86,7 +86,7 @@ TEST(ModelTask, CartpoleSwingupWrittenInTextIsTheSuites) {
       " * (4 + tolerance(control(slide), margin=1, shape=quadratic, at_margin=0)) / 5"
       " * (1 + tolerance(velocity(hinge_1), margin=5)) / 2"
       " * (1 + tolerance(position(slider), margin=2)) / 2";
-  Player suite(TaskPtr(dmc::MakeCartpoleSwingup())), own(settings);
+  Player suite(TaskPtr{dmc::MakeCartpoleSwingup()}), own(settings);
   ExpectEqualEpisodes({0, 7}, &suite, &own);
 }
 
@@ -98,7 +98,7 @@ TEST(ModelTask, PendulumSwingupWrittenInTextIsTheSuites) {
   settings.randomise_joints = true;
   settings.observation = "body(pole).zz, body(pole).xz, velocity(hinge)";
   settings.reward = "tolerance(body(pole).zz, lower=0.9902680687415704, upper=1)";
-  Player suite(TaskPtr(dmc::MakePendulumSwingup())), own(settings);
+  Player suite(TaskPtr{dmc::MakePendulumSwingup()}), own(settings);
   // There is a reward near the top alone: begin there.
   std::vector<std::uint32_t> seeds;
   for (std::uint32_t seed = 0; seeds.size() < 2; ++seed) {
