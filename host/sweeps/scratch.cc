@@ -26,7 +26,7 @@ constexpr double kPutBackSeconds = 600;
 constexpr double kPutBackShare = 20;
 
 constexpr char kOrigin[] = "origin";  // beside the copy: what the database was
-constexpr char kStage[] = "stage";
+constexpr char kSnapshot[] = "snapshot";
 
 ExitCode CodeOf(const std::error_code& error, ExitCode otherwise) {
   if (error == std::errc::permission_denied || error == std::errc::read_only_file_system) {
@@ -98,7 +98,7 @@ Scratch::Scratch(const fs::path& database, const fs::path& scratch)
   }
   lock_ = LockRun(folder_);
   std::error_code ignored;
-  fs::remove_all(folder_ / kStage, ignored);
+  fs::remove_all(folder_ / kSnapshot, ignored);
   const bool left = fs::exists(folder_ / kOrigin);
   if (left) expected_ = ReadWholeFile(folder_ / kOrigin);
   const std::string copy = this->database();
@@ -139,15 +139,15 @@ void Scratch::TakeFiles() {
 }
 
 // The files as they are at one moment: links, which keep a checkpoint that its run removes.
-void Scratch::Stage(const fs::path& stage) const {
+void Scratch::Snapshot(const fs::path& snapshot) const {
   const fs::path files = FilesOf(database());
   ForEachFile(files, [&](const fs::path& file) {
     if (!IsOfTheRun(file)) return;
     std::error_code error;
-    CreateFolder((stage / file).parent_path());
-    fs::create_hard_link(files / file, stage / file, error);
+    CreateFolder((snapshot / file).parent_path());
+    fs::create_hard_link(files / file, snapshot / file, error);
     if (!error || error == std::errc::file_exists || !fs::exists(files / file)) return;
-    CopyFile(files / file, stage / file);  // a file system without links
+    CopyFile(files / file, snapshot / file);  // a file system without links
   });
 }
 
@@ -155,25 +155,25 @@ void Scratch::PutBack() {
   const double begun = ActivityClock::Now();
   if (!fs::exists(database())) return;
   try {
-    const fs::path stage = folder_ / kStage;
-    fs::remove_all(stage);
+    const fs::path snapshot = folder_ / kSnapshot;
+    fs::remove_all(snapshot);
     // Checkpoints before the rows that name them; those that these rows name, and no rows
     // that a checkpoint which is already gone has seen.
-    CreateFolder(stage);
-    Stage(stage);
+    CreateFolder(snapshot);
+    Snapshot(snapshot);
     const fs::path target = FilesOf(database_);
-    ForEachFile(stage, [&](const fs::path& file) { CopyFile(stage / file, target / file); });
+    ForEachFile(snapshot, [&](const fs::path& file) { CopyFile(snapshot / file, target / file); });
     expected_ = results::PutBackDatabase(database(), database_.string(), expected_);
     WriteWholeFile(folder_ / kOrigin, expected_);
     // Older checkpoints, once no row needs them.
-    for (const auto& run : fs::directory_iterator(stage)) {
+    for (const auto& run : fs::directory_iterator(snapshot)) {
       for (const auto& file : fs::directory_iterator(target / run.path().filename())) {
         if (!IsCheckpoint(file.path()) || fs::exists(run.path() / file.path().filename())) continue;
         std::error_code ignored;
         fs::remove(file.path(), ignored);
       }
     }
-    fs::remove_all(stage);
+    fs::remove_all(snapshot);
   } catch (const Failure& error) {
     FailWith(error.what(), error.exit_status());
   } catch (const fs::filesystem_error& error) {

@@ -34,7 +34,7 @@ class Scratch {
 
  private:
   void TakeFiles();
-  void Stage(const std::filesystem::path& stage) const;
+  void Snapshot(const std::filesystem::path& snapshot) const;
   [[noreturn]] void FailWith(const std::string& why, int code) const;
 
   std::filesystem::path database_;  // absolute

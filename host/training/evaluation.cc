@@ -70,10 +70,10 @@ struct Evaluation::Played {
   std::vector<double> metric_sums;
 };
 
-// Where players and the recording thread meet.
-class Evaluation::Stage {
+// What is to be played, for the players, and what is to be recorded, for the recording thread.
+class Evaluation::EpisodeQueue {
  public:
-  Stage(std::uint64_t first, std::uint64_t end) : next_(first), end_(end) {}
+  EpisodeQueue(std::uint64_t first, std::uint64_t end) : next_(first), end_(end) {}
 
   // The next episode to play; nothing once all are taken or something went wrong.
   std::optional<std::uint64_t> Take() {
@@ -206,21 +206,21 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
     players.push_back(std::make_unique<EvaluationPlayer>(components_, spec_, agent, 1, together));
   }
 
-  Stage stage(at_.episodes, episodes);
+  EpisodeQueue queue(at_.episodes, episodes);
   const auto play = [&](EvaluationPlayer* player) {
     std::map<std::uint64_t, Played> playing;  // of this thread
     EpisodeCourse course;
     course.next = [&] {
-      const std::optional<std::uint64_t> index = stage.Take();
+      const std::optional<std::uint64_t> index = queue.Take();
       if (index) playing[*index].metric_sums.resize(at_.metric_sums.size());
       return index;
     };
-    course.go_on = [&](std::uint64_t index, std::uint64_t) { return stage.MayGoOn(index); };
+    course.go_on = [&](std::uint64_t index, std::uint64_t) { return queue.MayGoOn(index); };
     course.decided = [&](std::uint64_t index, std::uint64_t, const Decision&,
                          const Agent& player_agent) {
       Played& played = playing[index];
       ++played.decisions;
-      stage.env_steps += spec_.action_repeat();
+      queue.env_steps += spec_.action_repeat();
       for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
         played.metric_sums[i] += player_agent.metrics()[i];
       }
@@ -237,10 +237,10 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
                                                         : results::Phase::kSearchEvaluation;
       played.row.episode = static_cast<std::int64_t>(index);
       played.row.env_step = static_cast<std::int64_t>(env_step());
-      stage.Deliver(index, std::move(played));
+      queue.Deliver(index, std::move(played));
     };
     course.failed = [&](std::uint64_t index, std::exception_ptr error) {
-      stage.Fail(index, std::move(error));
+      queue.Fail(index, std::move(error));
     };
     player->Play(course);
   };
@@ -254,12 +254,12 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
       std::atomic<bool>* stop;
       ~Stopper() { *stop = true; }
     };
-    const Stopper stopper{&stage.stop};
+    const Stopper stopper{&queue.stop};
     for (const auto& player : players) playing.emplace_back(play, player.get());
-    while (at_.episodes < stage.end() && !*stop) {
-      const std::optional<Played> played = stage.Collect(at_.episodes);
+    while (at_.episodes < queue.end() && !*stop) {
+      const std::optional<Played> played = queue.Collect(at_.episodes);
       if (played) Record(*played, seconds_before + ActivityClock::Now() - started);
-      const std::uint64_t env_steps = stage.env_steps;
+      const std::uint64_t env_steps = queue.env_steps;
       if (env_steps == watched) continue;  // a plugin that hangs makes no progress
       watched = env_steps;
       writer_->CommitIfDue();
@@ -274,8 +274,8 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
       watcher(progress);
     }
   }
-  if (*stop && at_.episodes < stage.end()) return Outcome::kInterrupted;
-  stage.RethrowError();
+  if (*stop && at_.episodes < queue.end()) return Outcome::kInterrupted;
+  queue.RethrowError();
   return Outcome::kFinished;
 }
 

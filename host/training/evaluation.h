@@ -75,7 +75,7 @@ class Evaluation final : public RunLoop {
 
  private:
   struct Played;
-  class Stage;
+  class EpisodeQueue;
 
   // What is recorded so far.
   struct Position {
