@@ -1,7 +1,10 @@
 #include "results/command_line/program.h"
 
 #include <exception>
+#include <filesystem>
 #include <iostream>
+#include <new>
+#include <system_error>
 #include <utility>
 
 #include "results/command_line/help.h"
@@ -108,6 +111,22 @@ int RunProgram(const Program& program, const Words& words) {
                                       "'. " + KnownNames(words[0], known));
 }
 
+// What the file system says to a path that the user gave is no defect of ours.
+static ExitCode CodeOf(const std::error_code& error) {
+  if (error == std::errc::permission_denied || error == std::errc::operation_not_permitted ||
+      error == std::errc::read_only_file_system) {
+    return ExitCode::kPermission;
+  }
+  if (error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory) {
+    return ExitCode::kNotFound;
+  }
+  if (error == std::errc::too_many_symbolic_link_levels || error == std::errc::filename_too_long ||
+      error == std::errc::is_a_directory || error == std::errc::file_exists) {
+    return ExitCode::kCannotCreate;
+  }
+  return ExitCode::kInputOutput;
+}
+
 int ExitStatusOf(const std::string& program, const std::function<int()>& work) {
   try {
     const int status = work();
@@ -116,10 +135,17 @@ int ExitStatusOf(const std::string& program, const std::function<int()>& work) {
     std::cerr << "error: standard output could not be written" << std::endl;
     return static_cast<int>(ExitCode::kInputOutput);
   } catch (const Failure& error) {
-    std::cerr << "error: " << error.what() << std::endl;
+    std::cerr << "error: " << PrintableLines(error.what()) << std::endl;
     return error.exit_status();
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::cerr << "error: " << PrintableLines(error.what()) << std::endl;
+    return static_cast<int>(CodeOf(error.code()));
+  } catch (const std::bad_alloc&) {
+    std::cerr << "error: out of memory" << std::endl;
+    return static_cast<int>(ExitCode::kInputOutput);
   } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << " (a defect of " << program << ")" << std::endl;
+    std::cerr << "error: " << PrintableLines(error.what()) << " (a defect of " << program << ")"
+              << std::endl;
     return static_cast<int>(ExitCode::kInternal);
   }
 }

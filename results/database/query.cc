@@ -27,6 +27,22 @@ int AllowReading(void*, int action, const char* name, const char*, const char*, 
   }
 }
 
+constexpr char kReadsOnly[] = "the query may read tables and views and nothing else";
+
+// Asks AllowReading about all that is prepared and run while it lives.
+class Authorized {
+ public:
+  explicit Authorized(sqlite3* handle) : handle_(handle) {
+    sqlite3_set_authorizer(handle_, AllowReading, nullptr);
+  }
+  ~Authorized() { sqlite3_set_authorizer(handle_, nullptr, nullptr); }
+  Authorized(const Authorized&) = delete;
+  Authorized& operator=(const Authorized&) = delete;
+
+ private:
+  sqlite3* handle_;
+};
+
 }  // namespace
 
 std::vector<Cell> ReadCells(const Statement& statement) {
@@ -54,17 +70,16 @@ Table ReadTable(Statement* statement) {
 
 Table RunQuery(Database* database, const std::string& sql) {
   sqlite3* handle = database->connection().handle();
-  sqlite3_set_authorizer(handle, AllowReading, nullptr);
+  const Authorized reading(handle);
   sqlite3_stmt* prepared = nullptr;
   const char* rest = nullptr;
   const int code =
       sqlite3_prepare_v2(handle, sql.data(), static_cast<int>(sql.size()), &prepared, &rest);
   const std::string reason = sqlite3_errmsg(handle);
-  sqlite3_set_authorizer(handle, nullptr, nullptr);
   const std::string path = database->path();
   Statement statement(prepared, &path);
   if ((code & 0xff) == SQLITE_AUTH) {
-    throw Failure(ExitCode::kUsage, "the query may read tables and views and nothing else");
+    throw Failure(ExitCode::kUsage, kReadsOnly);
   }
   if (code != SQLITE_OK)
     throw Failure(ExitCode::kUsage, path + ": the query is not understood: " + reason);
@@ -73,7 +88,14 @@ Table RunQuery(Database* database, const std::string& sql) {
   if (left.find_first_not_of(" \t\r\n;") != std::string::npos) {
     throw Failure(ExitCode::kUsage, "expected one query, found more after it: " + Printable(left));
   }
-  return ReadTable(&statement);
+  // What a statement does by itself while it runs (VACUUM INTO attaches a file) is asked for too.
+  if (sqlite3_stmt_readonly(prepared) == 0) throw Failure(ExitCode::kUsage, kReadsOnly);
+  try {
+    return ReadTable(&statement);
+  } catch (const Failure& error) {
+    if (error.code() != ExitCode::kInternal) throw;
+    throw Failure(ExitCode::kUsage, error.what());  // "integer overflow": the query's, not ours
+  }
 }
 
 }  // namespace dreamsearch::results

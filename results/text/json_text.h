@@ -9,9 +9,13 @@
 
 namespace dreamsearch::results {
 
+// Deeper texts are refused: whoever walks a value calls itself for each level, and a stranger's
+// text must not decide how much stack that takes.
+inline constexpr int kMostJsonDepth = 100;
+
 // Throws nlohmann::json::parse_error.
 nlohmann::json ParseJson(const std::string& text);
-// is_discarded() where the text is not JSON.
+// is_discarded() where the text is not JSON or too deep.
 nlohmann::json ParseJsonOrDiscard(const std::string& text);
 
 // On one line, or on many with `indent` spaces a level. Doubles are the shortest texts that

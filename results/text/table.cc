@@ -1,8 +1,10 @@
 #include "results/text/table.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -130,11 +132,27 @@ std::string JsonLine(const std::vector<std::string>& columns, const std::vector<
   return JsonTextReplacing(ToJson(columns, row)) + "\n";
 }
 
+namespace {
+
+// A spreadsheet computes what begins so, also a stranger's text: it is written with the sign that
+// says that it is text. A number stays what it is.
+std::string CsvCell(const Cell& cell) {
+  const std::string text = ExactCell(cell);
+  if (IsNumber(cell) || text.empty() || std::strchr("=+-@\t\r", text[0]) == nullptr) return text;
+  double number = 0;
+  const char* end = text.data() + text.size();
+  const char* begin = text.data() + (text[0] == '+' ? 1 : 0);
+  if (std::from_chars(begin, end, number).ptr == end && begin != end) return text;
+  return "'" + text;
+}
+
+}  // namespace
+
 std::string CsvLine(const std::vector<Cell>& row) {
   std::string line;
   for (std::size_t i = 0; i < row.size(); ++i) {
     if (i > 0) line += ',';
-    line += CsvField(ExactCell(row[i]));
+    line += CsvField(CsvCell(row[i]));
   }
   return line + "\n";
 }

@@ -60,22 +60,12 @@ std::vector<double> MeansOfColumns(const std::vector<double>& values, std::size_
 }
 
 std::string OneLine(const std::string& text, std::size_t width) {
-  const std::string printable = Printable(text);
   std::string line;
   std::size_t characters = 0;
-  for (std::size_t i = 0; i < printable.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(printable[i]);
-    const bool continues = (byte & 0xc0) == 0x80;
+  for (const char c : Printable(text)) {
+    const bool continues = (static_cast<unsigned char>(c) & 0xc0) == 0x80;
     if (!continues && ++characters > width) break;
-    // U+0080 to U+009f are control characters too: the second begins as ESC [ does.
-    const bool control = byte == 0xc2 && i + 1 < printable.size() &&
-                         static_cast<unsigned char>(printable[i + 1]) < 0xa0;
-    if (control) {
-      line += '?';
-      ++i;
-    } else {
-      line += printable[i];
-    }
+    line += c;
   }
   return line;
 }

@@ -30,11 +30,34 @@ std::string CsvField(const std::string& text) {
   return quoted + "\"";
 }
 
+namespace {
+
+// Bytes of a character at `i` that is printed otherwise than it reads or steers a terminal although
+// it is none of ASCII's control characters: U+0080 to U+009f, where U+009b begins as ESC [ does,
+// and those that turn the direction of writing. 0 if it is none.
+std::size_t Steering(const std::string& text, std::size_t i) {
+  const auto byte = [&](std::size_t k) {
+    return i + k < text.size() ? static_cast<unsigned char>(text[i + k]) : 0u;
+  };
+  if (byte(0) == 0xc2 && byte(1) >= 0x80 && byte(1) < 0xa0) return 2;
+  if (byte(0) != 0xe2) return 0;
+  const bool turns = (byte(1) == 0x80 && (byte(2) == 0x8e || byte(2) == 0x8f ||
+                                          (byte(2) >= 0xa8 && byte(2) <= 0xae))) ||
+                     (byte(1) == 0x81 && byte(2) >= 0xa6 && byte(2) <= 0xa9);
+  return turns ? 3 : 0;
+}
+
+}  // namespace
+
 std::string Printable(const std::string& text) {
   std::string shown;
-  for (const char c : text) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
     const auto byte = static_cast<unsigned char>(c);
-    if (c == '\n') {
+    if (const std::size_t bytes = Steering(text, i); bytes != 0) {
+      shown += '?';
+      i += bytes - 1;
+    } else if (c == '\n') {
       shown += "\\n";
     } else if (c == '\t') {
       shown += "\\t";
@@ -45,6 +68,16 @@ std::string Printable(const std::string& text) {
     } else {
       shown += c;
     }
+  }
+  return shown;
+}
+
+std::string PrintableLines(const std::string& text) {
+  std::string shown;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    shown += (begin == 0 ? "" : "\n") + Printable(text.substr(begin, end - begin));
+    begin = end + 1;
   }
   return shown;
 }

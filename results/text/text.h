@@ -13,8 +13,11 @@ std::string ExactText(double value);
 std::string FormatNumber(const char* format, double value);
 // A field of a CSV file, quoted where RFC 4180 asks for it.
 std::string CsvField(const std::string& text);
-// Control characters as \n, \t or \x1b, so that a name cannot steer a terminal.
+// Control characters as \n, \t or \x1b, those of Unicode as a question mark, so that a name
+// cannot steer a terminal.
 std::string Printable(const std::string& text);
+// The same line by line: the newlines stay.
+std::string PrintableLines(const std::string& text);
 // Characters of UTF-8.
 std::size_t Width(const std::string& text);
 

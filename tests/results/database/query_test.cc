@@ -51,6 +51,43 @@ TEST_F(QueryTest, ChangesNothing) {
   EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find("1"), std::string::npos);
 }
 
+TEST_F(QueryTest, MakesNoFile) {
+  const std::string out = folder_ / "out.db";
+  for (const std::string& sql : {"VACUUM INTO '" + out + "'", "ATTACH '" + out + "' AS o"}) {
+    EXPECT_THROW(Csv(sql), Failure) << sql;
+    EXPECT_FALSE(std::filesystem::exists(out)) << sql;
+  }
+}
+
+TEST_F(QueryTest, AnErrorWhileItRunsIsTheQuerysAndNotADefect) {
+  for (const char* sql :
+       {"SELECT abs(-9223372036854775808)", "SELECT json('[')", "SELECT zeroblob(99999999999)",
+        "SELECT sum(i) FROM (SELECT"
+        " 9223372036854775807 AS i UNION ALL SELECT 1)"}) {
+    try {
+      Csv(sql);
+      FAIL() << sql;
+    } catch (const Failure& error) {
+      EXPECT_EQ(error.code(), ExitCode::kUsage) << sql << ": " << error.what();
+    }
+  }
+}
+
+TEST_F(QueryTest, ATextIsNoFormulaInASpreadsheet) {
+  const auto cell = [&](const std::string& value) {
+    const std::string csv = Csv("SELECT " + value + " AS x");
+    return csv.substr(2, csv.size() - 3);
+  };
+  EXPECT_EQ(cell("'=1+1'"), "'=1+1");
+  EXPECT_EQ(cell("'@SUM(A1)'"), "'@SUM(A1)");
+  EXPECT_EQ(cell("'+cmd|x'"), "'+cmd|x");
+  EXPECT_EQ(cell("'-2+3'"), "'-2+3");
+  // Numbers are numbers, as text too.
+  EXPECT_EQ(cell("-1.5"), "-1.5");
+  EXPECT_EQ(cell("'-1.5'"), "-1.5");
+  EXPECT_EQ(cell("'walker-walk'"), "walker-walk");
+}
+
 // An object of JSON has room for one value of a name.
 TEST_F(QueryTest, ColumnsOfOneNameAreBothPrintedOrRefused) {
   const Table table = RunQuery(

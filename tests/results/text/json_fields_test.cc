@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "results/text/json_text.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -84,6 +87,21 @@ TEST(JsonFields, AFieldThatIsMissingOrOfAnotherTypeIsAnException) {
   json["list"][0]["name"] = 5;
   EXPECT_THROW(FieldsFromJson<Outer>(json), nlohmann::json::exception);
   EXPECT_THROW(FieldsFromJson<Outer>(nlohmann::json::array()), nlohmann::json::exception);
+}
+
+// Whoever walks such a value calls itself for each level.
+TEST(ParseJson, RefusesWhatIsNestedTooDeeply) {
+  const auto nested = [](int depth) {
+    return std::string(static_cast<std::size_t>(depth), '[') +
+           std::string(static_cast<std::size_t>(depth), ']');
+  };
+  EXPECT_TRUE(ParseJson(nested(kMostJsonDepth)).is_array());
+  EXPECT_THROW(ParseJson(nested(kMostJsonDepth + 1)), nlohmann::json::parse_error);
+  EXPECT_TRUE(ParseJsonOrDiscard(nested(1000000)).is_discarded());
+  EXPECT_THROW(ParseJson("[1e999]"), nlohmann::json::parse_error);
+  // Brackets in a text are none.
+  EXPECT_TRUE(ParseJson("[\"" + std::string(1000, '[') + "\\\"" + std::string(1000, '{') + "\"]")
+                  .is_array());
 }
 
 }  // namespace

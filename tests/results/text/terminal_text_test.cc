@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "results/text/text.h"
+
 namespace dreamsearch {
 namespace {
 
@@ -47,6 +49,20 @@ TEST(TerminalHasUtf8, AsTheFirstVariableThatIsSetSays) {
   EXPECT_FALSE(TerminalHasUtf8());
   for (const char* name : {"LC_ALL", "LC_CTYPE", "LANG"}) ::unsetenv(name);
   EXPECT_FALSE(TerminalHasUtf8());
+}
+
+TEST(Printable, LeavesNothingThatSteersATerminal) {
+  EXPECT_EQ(Printable("a\x1b[31m\x07\n"), "a\\x1b[31m\\x07\\n");
+  EXPECT_EQ(Printable("a\xc2\x9b"
+                      "31m"),
+            "a?31m");
+  EXPECT_EQ(Printable("a\xe2\x80\xae"
+                      "b\xe2\x81\xa6"
+                      "c"),
+            "a?b?c");
+  EXPECT_EQ(Printable("\xc3\xa9 \xe2\x80\x93 \xe2\x82\xac"), "\xc3\xa9 \xe2\x80\x93 \xe2\x82\xac");
+  EXPECT_EQ(PrintableLines("a\x1b\nb\n"), "a\\x1b\nb\n");
+  EXPECT_EQ(Printable("\xc2"), "\xc2");  // cut off
 }
 
 }  // namespace
