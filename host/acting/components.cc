@@ -10,7 +10,14 @@ namespace dreamsearch {
 namespace {
 
 const ComponentDescriptor& Load(const ResolvedComponent& component, ComponentKind kind) {
-  return FindComponent(LoadPlugin(component.info->plugin.path), kind, component.name());
+  const ComponentDescriptor& found =
+      FindComponent(LoadPlugin(component.info->plugin.path), kind, component.name());
+  std::vector<ParameterInfo> parameters;
+  for (const ParameterSpec& parameter : found.parameters) {
+    parameters.push_back(DescribeParameter(parameter));
+  }
+  CheckValues(component.parameters, parameters, component.name() + ".");
+  return found;
 }
 
 // A factory's result, or Failure. The settings were in their ranges, so what
@@ -110,7 +117,9 @@ void ThrowUnlessOk(const Status& status, const std::string& what) {
   if (status.ok()) return;
   const bool diverged =
       status.code == StatusCode::kNotFinite || status.code == StatusCode::kDiverged;
-  throw Failure(diverged ? ExitCode::kDiverged : ExitCode::kInternal,
+  throw Failure(diverged                               ? ExitCode::kDiverged
+                : status.code == StatusCode::kDataLoss ? ExitCode::kBadInput
+                                                       : ExitCode::kInternal,
                 what + ": " + StatusCodeName(status.code) + ": " + status.message);
 }
 

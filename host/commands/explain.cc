@@ -41,6 +41,7 @@ Subject FindSubject(results::Database* database, const std::string& run,
   subject.info = database->GetRun(run);
   subject.spec = RecordedSpec(database, subject.info);
   if (subject.spec.evaluation) {
+    subject.spec = TrustedSpec(database, subject.info, plugin_path);
     if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
       std::cerr << "warning: run " << subject.info.run_id
                 << " was played before something changed: " << changed << "\n";

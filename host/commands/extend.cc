@@ -60,7 +60,7 @@ struct Extend {
 int Extend::Run(const Words& words) {
   const auto database = results::Database::OpenExisting(options.db.string());
   const results::RunInfo run = database->GetRun(what);
-  const RunSpec spec = RecordedSpec(database.get(), run);
+  const RunSpec spec = TrustedSpec(database.get(), run, options.plugin_path);
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
   if (spec.evaluation) {
     throw Failure(ExitCode::kUsage, name + " is an evaluation; expected a training");

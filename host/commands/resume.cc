@@ -64,7 +64,10 @@ int Resume::Run() {
     const bool failed = results::HasFailed(run.status);
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
     if (RunIsLocked(database->RunFolder(run))) {
-      std::cerr << "skipped: run " << run.run_id << ": another process is working on it\n";
+      const std::string silent = SilentWorker(database.get(), run);
+      if (!silent.empty() && refused == 0) refused = static_cast<int>(ExitCode::kInputOutput);
+      std::cerr << "skipped: run " << run.run_id << ": "
+                << (silent.empty() ? "another process is working on it" : silent) << "\n";
       continue;
     }
     SweepJob job;

@@ -46,7 +46,7 @@ struct Verify {
 int Verify::Run() {
   const auto database = results::Database::OpenReadOnly(options.db.string());
   const results::RunInfo run = database->GetRun(what);
-  RunSpec spec = RecordedSpec(database.get(), run);
+  RunSpec spec = TrustedSpec(database.get(), run, options.plugin_path);
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
   if (run.status != results::RunStatus::kFinished) {
     throw Failure(ExitCode::kUsage,

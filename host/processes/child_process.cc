@@ -1,9 +1,11 @@
 #include "host/processes/child_process.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -92,6 +94,16 @@ pid_t StartChild(const ChildSpec& spec) {
   posix_spawnattr_destroy(&attributes);
   if (error != 0) ThrowErrno("start a worker process", error);
   return pid;
+}
+
+bool ParentIsGone() {
+  pollfd report = {kReportDescriptor, 0, 0};
+  return ::poll(&report, 1, 0) == 1 && (report.revents & (POLLERR | POLLNVAL)) != 0;
+}
+
+void EndWithParent(int signal) {
+  ::prctl(PR_SET_PDEATHSIG, signal);
+  if (ParentIsGone()) ::raise(signal);  // it went before the line above
 }
 
 double ProcessorSeconds(pid_t pid) {

@@ -36,6 +36,11 @@ struct ChildSpec {
   int report = -1;                     // its kReportDescriptor
   int threads = -1;                    // its kThreadsDescriptor; -1: none
 };
+// In the child: sends it this signal once its parent is gone, also if the parent went before.
+void EndWithParent(int signal);
+// In the child: whether nobody is left who reads its reports. A signal handler may ask.
+bool ParentIsGone();
+
 // Throws Failure 74 if the system has too little left for it, 70 if it cannot start it otherwise.
 pid_t StartChild(const ChildSpec& spec);
 

@@ -2,7 +2,6 @@
 
 #include <poll.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -89,7 +88,7 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
 }
 
 int AnswerMain(const std::function<nlohmann::json(const nlohmann::json&)>& answer) {
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  EndWithParent(SIGKILL);
   ::signal(SIGPIPE, SIG_IGN);
   nlohmann::json text;
   int status = 0;

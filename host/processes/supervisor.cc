@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <deque>
 #include <exception>
@@ -28,6 +29,7 @@
 #include "host/settings/cores.h"
 #include "host/settings/memory.h"
 #include "host/training/rate_meter.h"
+#include "results/system/file.h"
 #include "results/system/file_descriptor.h"
 #include "results/system/run_lock.h"
 #include "results/text/text.h"
@@ -249,19 +251,23 @@ class Sweep {
     try {
       std::error_code error;
       std::filesystem::create_directories(job.work.folder, error);
+      CheckIsNoLink(job.work.folder);
       const std::filesystem::path log_path = job.work.folder / "run.log";
       const FileDescriptor log(
-          ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+          ::open(log_path.c_str(),
+                 O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644));
       if (log.get() < 0) {
         const int reason = errno;
-        throw Failure(reason == EACCES || reason == EROFS     ? ExitCode::kPermission
-                      : reason == ENOENT || reason == ENOTDIR ? ExitCode::kCannotCreate
-                                                              : ExitCode::kInputOutput,
+        throw Failure(reason == EACCES || reason == EROFS ? ExitCode::kPermission
+                      : reason == ENOENT || reason == ENOTDIR || reason == ELOOP
+                          ? ExitCode::kCannotCreate
+                          : ExitCode::kInputOutput,
                       "cannot create " + log_path.string() + ": " + std::strerror(reason));
       }
       Pipe pipe = MakePipe();
       WorkerJob work = job.work;
       work.after_segment = known->last_segment;
+      work.grace_seconds = static_cast<std::uint32_t>(std::ceil(GraceSeconds(options_)));
       const FileDescriptor input = MemoryFile(EncodeJob(work));
       run->grant = std::make_unique<ThreadGrant>();
       const FileDescriptor threads = run->grant->TakeDescriptor();

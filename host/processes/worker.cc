@@ -1,7 +1,6 @@
 #include "host/processes/worker.h"
 
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -36,10 +35,17 @@ namespace {
 
 std::atomic<bool> stop_requested{false};
 
+// To checkpoint and end, once the supervisor is gone.
+std::atomic<std::uint32_t> grace_seconds{60};
+
 // Stop at the next decision or update, however often it is asked: who signals a whole
 // job reaches the worker directly and once more through the supervisor. The supervisor
-// ends a worker at once with SIGKILL.
-void RequestStop(int) { stop_requested = true; }
+// ends a worker at once with SIGKILL. One whose supervisor is gone ends itself once its time to
+// checkpoint is over: it may hang in a plugin, and nobody else is left who would notice.
+void RequestStop(int) {
+  stop_requested = true;
+  if (ParentIsGone()) ::alarm(grace_seconds);
+}
 
 // A signal that was ignored when `runner` was started stays ignored.
 void CatchStopSignals() {
@@ -50,6 +56,7 @@ void CatchStopSignals() {
     if (!IsIgnored(signal)) ::sigaction(signal, &action, nullptr);
   }
   ::sigaction(StopRequestSignal(), &action, nullptr);
+  ::signal(SIGALRM, SIG_DFL);
   ::signal(SIGPIPE, SIG_IGN);
 }
 
@@ -278,8 +285,8 @@ WorkerJob DecodeJob(const std::string& text) {
 
 int WorkerMain() {
   // Die politely if the supervisor dies.
-  ::prctl(PR_SET_PDEATHSIG, StopRequestSignal());
   CatchStopSignals();
+  EndWithParent(StopRequestSignal());
   const auto fail = [](int status, const std::string& message) {
     std::cerr << "error: " << message << "\n";
     WorkerReport report;
@@ -290,6 +297,8 @@ int WorkerMain() {
   };
   try {
     const WorkerJob job = DecodeJob(ReadAll(0));
+    grace_seconds = job.grace_seconds;
+    if (stop_requested) RequestStop(0);
     return Work(job, ThreadGrant(kThreadsDescriptor));
   } catch (const Failure& error) {
     return fail(error.exit_status(), error.what());

@@ -28,6 +28,7 @@ struct WorkerJob {
   std::filesystem::path agent_checkpoint;
   std::uint32_t evaluation_threads = 1;  // on which an evaluation plays its episodes
   int nice = 0;                          // added to its niceness
+  std::uint32_t grace_seconds = 60;      // to checkpoint and end once its supervisor is gone
   bool log_decisions = false;
   bool record_trees = false;
   bool keep_replay = false;    // so that the run can be extended when it has finished
@@ -45,6 +46,7 @@ struct WorkerJob {
     (*archive)("agent_checkpoint", &agent_checkpoint);
     (*archive)("evaluation_threads", &evaluation_threads);
     (*archive)("nice", &nice);
+    (*archive)("grace_seconds", &grace_seconds);
     (*archive)("log_decisions", &log_decisions);
     (*archive)("record_trees", &record_trees);
     (*archive)("keep_replay", &keep_replay);

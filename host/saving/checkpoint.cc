@@ -15,6 +15,7 @@
 #include "dreamsearch_build_info.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/machine_fault.h"
 
 namespace dreamsearch {
 namespace {
@@ -120,7 +121,8 @@ WrittenFile WriteCheckpointFile(const std::filesystem::path& path,
 // --- reading -----------------------------------------------------------------
 
 Checkpoint::Checkpoint(const std::filesystem::path& path)
-    : path_(std::filesystem::absolute(path)), file_(::open(path_.c_str(), O_RDONLY | O_CLOEXEC)) {
+    : path_(std::filesystem::absolute(path)),
+      file_(::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)) {
   if (file_.get() < 0) {
     const bool missing = errno == ENOENT || errno == ENOTDIR;
     throw Failure(missing           ? ExitCode::kNotFound
@@ -319,6 +321,7 @@ WrittenFile CheckpointFolder::Write(std::uint64_t env_step,
                                     const std::function<void(CheckpointWriter* writer)>& write,
                                     std::uint64_t before) {
   WrittenFile written = WriteCheckpointFile(PathOf(env_step), write);
+  RemoveUnfinished();
   // One that took the place of its like was reached from what that was reached from.
   if (before == env_step) return written;
   for (const Found& found : List()) {
@@ -327,6 +330,20 @@ WrittenFile CheckpointFolder::Write(std::uint64_t env_step,
     std::filesystem::remove(found.path, ignored);
   }
   return written;
+}
+
+// What processes that ended while they wrote a checkpoint have left.
+void CheckpointFolder::RemoveUnfinished() const {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_, ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("checkpoint-") || !name.ends_with(kTemporarySuffix)) continue;
+    const std::size_t end = name.find(".ckpt.");
+    if (end == std::string::npos) continue;
+    if (IsTemporaryOf(entry.path(), folder_ / name.substr(0, end + 5))) {
+      std::filesystem::remove(entry.path(), ignored);
+    }
+  }
 }
 
 std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest(const Judge& judge,
@@ -340,6 +357,8 @@ std::optional<CheckpointFolder::Loaded> CheckpointFolder::LoadNewest(const Judge
       if (why.empty()) return Loaded{std::move(checkpoint), std::move(skipped)};
       skipped.push_back({false, checkpoint.path().string() + " " + why});
     } catch (const Failure& error) {
+      // What cannot be read today may be whole: an older one in its place would cost its rows.
+      if (IsOfTheMachine(error.code())) throw;
       skipped.push_back({true, error.what()});
     }
   }

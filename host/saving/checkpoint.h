@@ -155,7 +155,8 @@ class CheckpointFolder {
   std::filesystem::path PathOf(std::uint64_t env_step) const;
 
   // Writes one and removes those of fewer steps but the one at `before`, from which
-  // this one was reached. Those of more steps are another process's or remade later: they
+  // this one was reached, and what writers that were killed have left. Who calls this holds the
+  // run's lock. Those of more steps are another process's or remade later: they
   // stay.
   WrittenFile Write(std::uint64_t env_step,
                     const std::function<void(CheckpointWriter* writer)>& write,
@@ -185,6 +186,7 @@ class CheckpointFolder {
   };
   // Newest first.
   std::vector<Found> List() const;
+  void RemoveUnfinished() const;
 
   std::filesystem::path folder_;
 };

@@ -164,6 +164,8 @@ class StateReader {
 
   [[noreturn]] void Refuse(const std::string& what) const;
 
+  std::uint64_t left() const { return unread_ + (buffer_.size() - position_); }  // bytes
+
  private:
   class PieceSource;
   // The number of entries of the next field, which must be that one.
@@ -172,8 +174,6 @@ class StateReader {
                                 std::uint64_t found) const;
   [[noreturn]] void RefuseNumber(const char* name, std::uint64_t found) const;
   void Bytes(void* data, std::uint64_t size);
-  std::uint64_t left() const { return unread_ + (buffer_.size() - position_); }
-
   Source source_;
   std::uint64_t unread_;  // bytes that the source still has
   std::string where_;

@@ -1,5 +1,6 @@
 #include "host/settings/run_spec.h"
 
+#include <algorithm>
 #include <cassert>
 #include <charconv>
 #include <cmath>
@@ -281,6 +282,36 @@ std::string CanonicalJson(const RunSpec& spec) {
 }
 
 std::string ConfigurationSha256(const RunSpec& spec) { return Sha256Hex(CanonicalJson(spec)); }
+
+void CheckValues(const ResolvedValues& values, const std::vector<ParameterInfo>& parameters,
+                 const std::string& where) {
+  const auto refuse = [&](const std::string& name, const std::string& found) {
+    throw Failure(ExitCode::kBadInput, where + name + ": found " + found +
+                                           " among the recorded settings, which this parameter "
+                                           "cannot have; they were damaged or changed");
+  };
+  for (const ParameterInfo& parameter : parameters) {
+    const ResolvedValue* value = values.Find(parameter.name);
+    if (value == nullptr) return refuse(parameter.name, "no value");
+    if (value->type != parameter.type) return refuse(parameter.name, "a value of another type");
+    const bool chosen = parameter.type == ParameterType::kChoice;
+    if (chosen && std::find(parameter.choices.begin(), parameter.choices.end(), value->choice) ==
+                      parameter.choices.end()) {
+      return refuse(parameter.name, "'" + value->choice + "'");
+    }
+    const bool number =
+        parameter.type == ParameterType::kInt || parameter.type == ParameterType::kReal;
+    // Written so that NaN fails.
+    const bool fits =
+        value->number >= parameter.min && value->number <= parameter.max &&
+        (parameter.type == ParameterType::kReal || value->number == std::trunc(value->number));
+    const bool flag =
+        parameter.type != ParameterType::kBool || value->number == 0 || value->number == 1;
+    if ((number && !fits) || !flag) {
+      return refuse(parameter.name, NumberText(ParameterType::kReal, value->number));
+    }
+  }
+}
 
 ParameterStorage::ParameterStorage(const ResolvedValues& resolved) {
   for (const ResolvedValue& value : resolved.values) {

@@ -179,6 +179,11 @@ std::string DigestFilesAnew(ResolvedValues* values);
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 
+// Throws Failure 65 unless the values are those of the parameters, each in its range. `where`
+// begins the name of one in the message: "run.".
+void CheckValues(const ResolvedValues& values, const std::vector<ParameterInfo>& parameters,
+                 const std::string& where);
+
 // Round trip; doubles keep every bit.
 nlohmann::json ToJson(const RunSpec& spec);
 RunSpec RunSpecFromJson(const nlohmann::json& json);  // kInternal when it is not one

@@ -9,6 +9,11 @@ namespace dreamsearch {
 
 RunFile ReadRunFile(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / kRunFile;
+  std::error_code ignored;
+  const auto type = std::filesystem::status(path, ignored).type();
+  if (type != std::filesystem::file_type::regular && std::filesystem::exists(path, ignored)) {
+    throw Failure(ExitCode::kBadInput, path.string() + ": expected a file, found something else");
+  }
   try {
     return results::FieldsFromJson<RunFile>(results::ParseJson(ReadWholeFile(path)));
   } catch (const nlohmann::json::exception& error) {
@@ -27,6 +32,7 @@ void WriteRunFile(const WorkerJob& work) {
         error == std::errc::permission_denied ? ExitCode::kPermission : ExitCode::kCannotCreate,
         "cannot create the folder " + work.folder.string() + ": " + error.message());
   }
+  CheckIsNoLink(work.folder);
   const RunFile file = {work.spec, work.log_decisions, work.record_trees, work.keep_replay,
                         work.retries};
   WriteWholeFile(work.folder / kRunFile, results::JsonText(results::FieldsToJson(file), 2) + "\n");

@@ -1,12 +1,16 @@
 #include "host/sweeps/sweep.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "host/plugins/catalogue.h"
 #include "host/saving/checkpoint.h"
+#include "host/sweeps/recorded_code.h"
 #include "host/sweeps/run_file.h"
 #include "host/training/build_and_host.h"
 #include "host/training/experiment.h"
@@ -197,6 +201,22 @@ std::string RunLabel(const RunSpec& spec) {
   return label + " seed " + std::to_string(spec.seed);
 }
 
+std::string SilentWorker(results::Database* database, const results::RunInfo& run) {
+  // One that never was alive, or is about to be again, has an old heartbeat too.
+  constexpr std::chrono::milliseconds kHeartbeats{2500};
+  if (!(run.heartbeat_age_seconds > kSilentSeconds) || std::isinf(run.heartbeat_age_seconds)) {
+    return "";
+  }
+  std::this_thread::sleep_for(kHeartbeats);
+  const std::optional<results::RunInfo> now = database->GetRun(run.run_id);
+  if (!now || now->heartbeat_utc != run.heartbeat_utc || !RunIsLocked(database->RunFolder(run))) {
+    return "";
+  }
+  return database->LastWorker(run.run_id) + " holds it and has recorded nothing for " +
+         FormatDuration(run.heartbeat_age_seconds) +
+         ". If it hangs or is stopped, end it, and the same command resumes the run";
+}
+
 bool IsWork(SweepAction action) {
   return action == SweepAction::kStart || action == SweepAction::kResume ||
          action == SweepAction::kStartOver;
@@ -216,8 +236,10 @@ std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOpti
       if (found->status == results::RunStatus::kFinished) {
         run.action = SweepAction::kSkipFinished;
       } else if (RunIsLocked(folder)) {
-        run.action = SweepAction::kSkipActive;
-        run.note = "another process is working on it";
+        const std::string silent = SilentWorker(database, *found);
+        run.action = silent.empty() ? SweepAction::kSkipActive : SweepAction::kRefused;
+        run.note = silent.empty() ? "another process is working on it" : silent;
+        run.refusal = ExitCode::kInputOutput;
       } else if (results::HasFailed(found->status) && !options.retry) {
         run.action = SweepAction::kSkipFailed;
         run.note = std::string(results::RunStatusName(found->status)) + " before (" + found->error +
@@ -333,6 +355,14 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
   }
 }
 
+RunSpec TrustedSpec(results::Database* database, const results::RunInfo& run,
+                    const std::vector<std::string>& plugin_path) {
+  RunSpec spec = RecordedSpec(database, run);
+  TrustRecordedCode(plugin_path, "run " + std::to_string(run.run_id) + " of " + database->path(),
+                    &spec);
+  return spec;
+}
+
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec) {
   if (!spec.evaluation || spec.evaluation->parent_uuid.empty()) return {};
   const results::RunInfo parent = database->GetRun(spec.evaluation->parent_uuid);
@@ -341,7 +371,7 @@ std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec
 
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run) {
-  const RunSpec spec = RecordedSpec(database, run);
+  const RunSpec spec = TrustedSpec(database, run, options.plugin_path);
   std::string changed = ChangedFile(spec);
   if (changed.empty()) changed = ChangedIngredient(spec, options);
   if (!changed.empty()) {

@@ -64,14 +64,23 @@ std::vector<SweepJob> RecordSweep(results::Database* database, const ProcessOpti
                                   const std::vector<results::TaskInfo>& tasks,
                                   const std::vector<std::string>& argv);
 
-// What a recorded run was to do, from the run.json in its folder. Throws Failure
-// 66 if that is gone, 65 if it is not what `runner` wrote.
+// What a recorded run was to do, from the run.json in its folder; to be read, not to be run.
+// Throws Failure 66 if that is gone, 65 if it is not what `runner` wrote.
 RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
+
+// The same to be run: its code is that of TrustRecordedCode, and what that throws.
+RunSpec TrustedSpec(results::Database* database, const results::RunInfo& run,
+                    const std::vector<std::string>& plugin_path);
 
 // The checkpoint of the trained run that an evaluation names; empty if it names none.
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);
 
-// The job of a recorded run. Throws what RecordedSpec and FindResumption throw, and 69 if
+// Of a run whose lock another process holds: who it is and since when it has recorded nothing, if
+// that is longer than any worker is busy; else empty.
+inline constexpr double kSilentSeconds = 300;
+std::string SilentWorker(results::Database* database, const results::RunInfo& run);
+
+// The job of a recorded run. Throws what TrustedSpec and FindResumption throw, and 69 if
 // a plugin, a file that its settings name or an ingredient of its environment has changed.
 // With options.retry a diverged run is given its next Retry, which is recorded in its run.json
 // unless options.dry_run.

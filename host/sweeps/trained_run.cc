@@ -5,6 +5,7 @@
 
 #include "host/acting/components.h"
 #include "host/saving/checkpoint.h"
+#include "host/sweeps/recorded_code.h"
 #include "host/sweeps/sweep.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
@@ -58,11 +59,8 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
       static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->checkpoint).env_step);
   found.agent_sha256 = ModelSha256(loaded->checkpoint);
 
-  std::vector<std::string> folders = plugin_path;
-  for (const ResolvedComponent* component : ComponentsOf(found.spec)) {
-    folders.push_back(std::filesystem::path(component->info->plugin.path).parent_path().string());
-  }
-  found.catalogue = Catalogue::Scan(PluginFolders(folders));
+  TrustRecordedCode(plugin_path, name + " of " + database->path(), &found.spec);
+  found.catalogue = Catalogue::Scan(PluginFolders(plugin_path));
   found.ingredients = found.spec.environment.ingredients;
   std::set<std::string> changed;
   for (ResolvedComponent* component : {&found.spec.environment, &found.spec.model,

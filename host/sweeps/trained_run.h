@@ -28,8 +28,9 @@ struct TrainedRun {
 };
 
 // Finds a run by number or the beginning of its UUID. Its components are looked for
-// in `plugin_path`, then where it was trained, then where plugins usually are.
+// in `plugin_path`, then where plugins usually are: never where its folder says.
 //   kNotFound  no such run, its files are gone, or it has no checkpoint yet.
+//   kPluginRefused  see TrustRecordedCode.
 //   kUsage     the run is itself an evaluation; the message names the trained one.
 TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
                           const std::vector<std::string>& plugin_path);

@@ -144,6 +144,11 @@ Evaluation::~Evaluation() = default;
 void Evaluation::Load(const Checkpoint& checkpoint) {
   checkpoint.Read(kEvaluationPart, [&](StateReader* reader) {
     at_.Fields(reader);
+    const std::uint64_t most = spec_.run.Integer("eval_episodes");
+    if (at_.episodes > most) {
+      reader->Refuse("field 'episodes': expected at most " + std::to_string(most) + ", found " +
+                     std::to_string(at_.episodes));
+    }
     if (at_.metric_sums.size() == metric_ids_.size()) return;
     reader->Refuse("field 'metric_sums': expected " + std::to_string(metric_ids_.size()) +
                    " entries, found " + std::to_string(at_.metric_sums.size()));

@@ -183,6 +183,7 @@ class Experiment final : public RunLoop {
   void AddArtifact(const WrittenFile& file, const std::string& kind);
   void SaveEpisode(StateWriter* part) const;
   void SaveTrees(CheckpointWriter* file) const;
+  void CheckPosition(const StateReader& part) const;
   void LoadEpisode(StateReader* part);
   void DumpDivergence(const std::string& message);
   // What stands for the run's seed in the training episode, see SeedWithRetries.

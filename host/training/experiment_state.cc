@@ -1,4 +1,5 @@
 // experiment_state.cc - a training's state in checkpoints and other files of its run.
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "host/training/experiment.h"
@@ -184,18 +185,43 @@ void Experiment::Load(const Checkpoint& checkpoint) {
   LoadModel(checkpoint, spec_.model.name(), model_.get());
   checkpoint.Read(kTrainingPart, [&](StateReader* part) {
     at_.Fields(part);
-    if (at_.stage > Stage::kDone) part->Refuse("field 'stage': found no stage of a training");
+    CheckPosition(*part);
     ActivityClock::Use use;
     TimeUseFields(use, part);
     clock_.set_totals(use);
     part->Array("burst_metrics", burst_metrics_.data(), burst_metrics_.size());
   });
-  if (checkpoint.Has(kReplayPart)) {
-    checkpoint.Read(kReplayPart, [&](StateReader* part) { replay_.Load(part); });
-  }
+  if (at_.stage == Stage::kDone) return;
+  checkpoint.Read(kReplayPart, [&](StateReader* part) {
+    replay_.Load(part);
+    const std::vector<Replay::Episode>& episodes = replay_.episodes();
+    const bool under_way = !episodes.empty() && episodes.back().finished == 0;
+    if (under_way != (at_.stage == Stage::kEpisode)) {
+      part->Refuse("the replay's last episode has ended otherwise than the training's");
+    }
+  });
   if (at_.stage != Stage::kEpisode) return;
   checkpoint.Read(kTreesPart, [&](StateReader* part) { VisitMap(part, "trees", &trees_); });
   checkpoint.Read(kEpisodePart, [&](StateReader* part) { LoadEpisode(part); });
+}
+
+// What does not come about in a training of these settings is refused: it would go on for ever, or
+// past the end of something.
+void Experiment::CheckPosition(const StateReader& part) const {
+  const auto check = [&](const char* name, std::uint64_t found, std::uint64_t most) {
+    if (found <= most) return;
+    part.Refuse(std::string("field '") + name + "': expected at most " + std::to_string(most) +
+                ", found " + std::to_string(found));
+  };
+  const std::uint64_t earned = at_.env_step / spec_.run.Integer("train_every");
+  check("stage", static_cast<std::uint64_t>(at_.stage), static_cast<std::uint64_t>(Stage::kDone));
+  check("env_step", at_.env_step, target_);
+  check("decisions", at_.decisions, at_.env_step);
+  check("learned_env_step", at_.learned_env_step, at_.env_step);
+  check("checkpoint_env_step", at_.checkpoint_env_step, at_.env_step);
+  check("pretrained", at_.pretrained, 1);
+  check("pending_updates", at_.pending_updates,
+        std::max(earned, spec_.run.Integer("pretrain_updates")));
 }
 
 void Experiment::LoadEpisode(StateReader* part) {
@@ -203,9 +229,15 @@ void Experiment::LoadEpisode(StateReader* part) {
   part->Array("observation", observation_.data(), observation_.size());
   part->Array("action", action_.data(), action_.size());
   (*part)("actions", &episode_actions_);
-  if (episode_actions_.size() != episode_.t * action_.size()) {
+  if (episode_.t != episode_actions_.size() / action_.size() ||
+      episode_actions_.size() % action_.size() != 0) {
     part->Refuse("field 'actions': expected those of " + std::to_string(episode_.t) +
                  " decisions, found " + std::to_string(episode_actions_.size()) + " numbers");
+  }
+  if (const std::uint64_t rows = replay_.episodes().back().rows; rows != episode_.t + 1) {
+    part->Refuse("field 't': expected " + std::to_string(rows - 1) +
+                 " decisions, as many as the replay has of this episode, found " +
+                 std::to_string(episode_.t));
   }
   (*part)("plan_us", &plan_us_);
   part->Array("metric_sums", episode_metrics_.data(), episode_metrics_.size());

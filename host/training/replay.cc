@@ -236,6 +236,14 @@ Replay::Sizes::Sizes(StateReader* reader) {
 
 std::unique_ptr<Replay> Replay::Read(std::uint64_t search_candidates, StateReader* reader) {
   const Sizes sizes(reader);
+  // A row takes this many bytes at least, so a file that is shorter holds no such replay.
+  const std::uint64_t most = reader->left() / sizeof(float);
+  if (sizes.observation == 0 || sizes.action == 0 || sizes.rows == 0 || sizes.observation > most ||
+      sizes.action > most || sizes.rows > most / (sizes.observation + sizes.action)) {
+    reader->Refuse("the replay has " + std::to_string(sizes.rows) + " rows with observations of " +
+                   std::to_string(sizes.observation) + " and actions of " +
+                   std::to_string(sizes.action) + ", more than the bytes that follow hold");
+  }
   auto replay =
       std::make_unique<Replay>(sizes.observation, sizes.action, sizes.rows, search_candidates);
   replay->LoadRows(sizes.rows, reader);
@@ -264,7 +272,8 @@ void Replay::LoadRows(std::uint64_t rows, StateReader* reader) {
   std::uint64_t finished_rows = 0, next = 0;
   bool fits = lengths.size() == first.size() && finished.size() == first.size();
   for (std::size_t i = 0; fits && i < first.size(); ++i) {
-    fits = first[i] == next && lengths[i] <= rows - next && finished[i] <= 1;
+    fits = first[i] == next && lengths[i] >= 1 && lengths[i] <= rows - next &&
+           (finished[i] == 1 || (finished[i] == 0 && i + 1 == first.size()));
     next += lengths[i];
     episodes[i] = {first[i], lengths[i], finished[i]};
     if (finished[i] != 0) finished_rows += lengths[i];
@@ -281,6 +290,15 @@ void Replay::LoadRows(std::uint64_t rows, StateReader* reader) {
     reader->Array("search_actions", search_actions_.get(), rows * candidates_ * action_size_);
     reader->Array("search_weights", search_weights_.get(), rows * candidates_);
     reader->Array("search_values", search_values_.get(), rows);
+  }
+  std::size_t begins = 0;
+  for (std::uint64_t row = 0; row < rows; ++row) {
+    const bool first_row = begins < episodes.size() && episodes[begins].first == row;
+    if (is_first_[row] != (first_row ? 1 : 0)) {
+      reader->Refuse("field 'is_first': row " + std::to_string(row) +
+                     " is said to begin an episode otherwise than its episodes do");
+    }
+    if (first_row) ++begins;
   }
   rows_ = rows;
   episodes_ = std::move(episodes);

@@ -9,7 +9,8 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <set>
+#include <map>
+#include <memory>
 #include <thread>
 
 #include "results/database/file_system.h"
@@ -67,6 +68,17 @@ std::string NamedPath(const std::string& path) {
     file = folder / std::filesystem::read_symlink(file, error);
   }
   return CheckedPath(AbsolutePath(path));
+}
+
+// A UUID names a folder: nothing else may be in it, no ../ above all.
+bool IsUuid(const std::string& text) {
+  if (text.size() != 36) return false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool hyphen = i == 8 || i == 13 || i == 18 || i == 23;
+    const char c = text[i];
+    if (hyphen ? c != '-' : !((c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'))) return false;
+  }
+  return true;
 }
 
 // Text of milliseconds since 1970.
@@ -148,6 +160,14 @@ Database::Database(const std::string& path, OpenMode mode) {
                                              (mode == OpenMode::kReadOnly ? "read" : "written") +
                                              " by this user.");
   }
+  // SQLite would follow them and write its own bytes wherever they point.
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
+    if (std::filesystem::is_symlink(absolute + suffix, error)) {
+      throw Failure(ExitCode::kBadInput, absolute + suffix +
+                                             ": expected a file of SQLite, found a symbolic link. "
+                                             "Remove it.");
+    }
+  }
   const bool folder_writable =
       access(std::filesystem::path(absolute).parent_path().c_str(), W_OK) == 0;
   if (mode != OpenMode::kReadOnly && !folder_writable) {
@@ -173,8 +193,8 @@ Database::Database(const std::string& path, OpenMode mode) {
       (connection_->QueryInt("PRAGMA application_id") == kApplicationId || SchemaOfTables())) {
     Prepare(OpenMode::kReadWrite);
   }
-  if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
   Prepare(mode);
+  if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
 }
 
 // Of a file with a write-ahead log, as one copied from a disk has, where such a log is not safe:
@@ -243,6 +263,7 @@ void Database::Prepare(OpenMode mode) {
                       "; to bring it up to date, it must be writable. Read a copy.");
   }
 
+  if (!create && version() == SchemaVersion()) DistrustViews();
   db.Execute("PRAGMA foreign_keys = ON; PRAGMA trusted_schema = OFF; PRAGMA cache_size = -16000");
   if (mode == OpenMode::kReadOnly) return;
 
@@ -284,35 +305,108 @@ void Database::Prepare(OpenMode mode) {
   db.Execute("PRAGMA journal_size_limit = 67108864");
 }
 
+namespace {
+
+struct SchemaObject {
+  std::string type, sql;
+};
+using Schema = std::map<std::string, SchemaObject>;  // by name
+
+// Without what SQLite makes by itself.
+Schema SchemaOf(sqlite3* handle) {
+  Schema found;
+  const auto add = [](void* schema, int, char** text, char**) {
+    (*static_cast<Schema*>(schema))[text[1]] = {text[0], text[2]};
+    return 0;
+  };
+  sqlite3_exec(handle,
+               "SELECT type, name, sql FROM sqlite_schema WHERE sql IS NOT NULL AND name NOT LIKE"
+               " 'sqlite%'",
+               add, &found, nullptr);
+  return found;
+}
+
+// What a new file has after each of the migrations; the views with the last.
+const std::vector<Schema>& OwnSchemas() {
+  static const std::vector<Schema> schemas = [] {
+    std::vector<Schema> made;
+    sqlite3* opened = nullptr;
+    const int code = sqlite3_open(":memory:", &opened);
+    const std::unique_ptr<sqlite3, int (*)(sqlite3*)> model(opened, sqlite3_close);
+    if (code != SQLITE_OK) throw Failure(ExitCode::kInputOutput, "SQLite: out of memory");
+    for (const std::string& migration : Migrations()) {
+      sqlite3_exec(model.get(), migration.c_str(), nullptr, nullptr, nullptr);
+      if (made.size() + 1 == Migrations().size()) {
+        sqlite3_exec(model.get(), CreateViews().c_str(), nullptr, nullptr, nullptr);
+      }
+      made.push_back(SchemaOf(model.get()));
+    }
+    return made;
+  }();
+  return schemas;
+}
+
+}  // namespace
+
 // The version whose tables, indices and triggers this file has, though it may not say so: they
 // are all that SQL text carries (`sqlite3 a.db .dump | sqlite3 b.db`). nullopt if it has not.
 std::optional<std::int64_t> Database::SchemaOfTables() {
-  const auto parts = [](sqlite3* handle) {
-    std::set<std::string> found;
-    const auto add = [](void* set, int, char** text, char**) {
-      static_cast<std::set<std::string>*>(set)->insert(text[0]);
-      return 0;
-    };
-    sqlite3_exec(handle,
-                 "SELECT type || ' ' || name || ' ' || sql FROM sqlite_schema WHERE sql IS NOT"
-                 " NULL AND type <> 'view' AND name NOT LIKE 'sqlite%'",
-                 add, &found, nullptr);
-    return found;
-  };
-  const std::set<std::string> here = parts(connection_->handle());
+  const Schema here = SchemaOf(connection_->handle());
   if (here.empty()) return std::nullopt;
-  sqlite3* opened = nullptr;
-  const int code = sqlite3_open(":memory:", &opened);
-  const std::unique_ptr<sqlite3, int (*)(sqlite3*)> model(opened, sqlite3_close);
-  if (code != SQLITE_OK) return std::nullopt;
-  for (std::size_t v = 0; v < Migrations().size(); ++v) {
-    sqlite3_exec(model.get(), Migrations()[v].c_str(), nullptr, nullptr, nullptr);
-    const std::set<std::string> expected = parts(model.get());
-    if (std::includes(here.begin(), here.end(), expected.begin(), expected.end())) {
-      return static_cast<std::int64_t>(v) + 1;
-    }
+  for (std::size_t v = 0; v < OwnSchemas().size(); ++v) {
+    const Schema& expected = OwnSchemas()[v];
+    const bool all = std::all_of(expected.begin(), expected.end(), [&](const auto& object) {
+      const auto found = here.find(object.first);
+      return object.second.type == "view" ||
+             (found != here.end() && found->second.type == object.second.type &&
+              found->second.sql == object.second.sql);
+    });
+    if (all) return static_cast<std::int64_t>(v) + 1;
   }
   return std::nullopt;
+}
+
+std::vector<std::string> Database::ChangedSchema() {
+  const Schema here = SchemaOf(connection_->handle());
+  std::vector<std::string> changed;
+  for (const auto& [name, object] : OwnSchemas().back()) {
+    const auto found = here.find(name);
+    if (found == here.end() || found->second.type != object.type ||
+        found->second.sql != object.sql) {
+      changed.push_back(object.type + " " + name);
+    }
+  }
+  for (const auto& [name, object] : here) {
+    if (object.type == "trigger" && OwnSchemas().back().count(name) == 0) {
+      changed.push_back("trigger " + name);
+    }
+  }
+  return changed;
+}
+
+// A stranger's file may call something of its own as we call a table or a view, and it need never
+// come to an end. A view gives way to ours, in this connection; for a table nothing stands in.
+void Database::DistrustViews() {
+  const Schema here = SchemaOf(connection_->handle());
+  bool changed = false;
+  for (const auto& [name, own] : OwnSchemas().back()) {
+    const auto found = here.find(name);
+    if (own.type == "view") {
+      changed = changed || found == here.end() || found->second.sql != own.sql;
+    } else if (own.type == "table" && found != here.end() &&
+               (found->second.type != "table" || found->second.sql.rfind("CREATE TABLE", 0) != 0)) {
+      throw Failure(ExitCode::kBadInput, path() + ": '" + name +
+                                             "' is no table in it: not a results database, or one "
+                                             "that was changed. Restore a copy.");
+    }
+  }
+  if (!changed) return;
+  for (const auto& [name, own] : OwnSchemas().back()) {
+    if (own.type == "view") {
+      connection_->Execute("CREATE TEMP VIEW IF NOT EXISTS " + name +
+                           own.sql.substr(own.sql.find(" AS")));
+    }
+  }
 }
 
 // Gives a file back the two marks that SQL text does not carry. Its views are made anew.
@@ -374,6 +468,12 @@ void Database::Migrate() {
 }
 
 std::string Database::NewRunFolder(const std::string& uuid) const {
+  if (!IsUuid(uuid)) {
+    throw Failure(ExitCode::kBadInput,
+                  path() + ": a run has the UUID '" + Printable(uuid.substr(0, 80)) +
+                      "', which is none, and so no folder: the database was damaged or changed. "
+                      "Restore a copy.");
+  }
   return path() + ".files/" + uuid;
 }
 

@@ -226,6 +226,11 @@ class Database {
   // the folder of its log, which of a merged run is where its source had it. Not created
   // here.
   std::string RunFolder(const RunInfo& run) const;
+  // Tables, indices, triggers and views that this program makes and that this file has otherwise or
+  // lacks, and triggers that it has besides: "table step". Of a file of the newest schema.
+  std::vector<std::string> ChangedSchema();
+  // Who worked on it last: "process 4711 of node7". "another process" if none has.
+  std::string LastWorker(std::int64_t run_id);
   // "<path>.files/<uuid>", whatever is there.
   std::string OwnFolder(const RunInfo& run) const { return NewRunFolder(run.uuid); }
   // A path below the database's folder as it is stored; others stay as they are.
@@ -289,6 +294,7 @@ class Database {
   void LeaveWriteAhead(OpenMode mode, OpenMode opened);
   void Prepare(OpenMode mode);
   std::optional<std::int64_t> SchemaOfTables();
+  void DistrustViews();
   void Mark(std::int64_t schema, OpenMode mode);
   void Migrate();
 

@@ -270,6 +270,14 @@ std::vector<RunInfo> Database::ListRuns(const RunFilter& filter) {
   return runs;
 }
 
+std::string Database::LastWorker(std::int64_t run_id) {
+  Statement last = connection_->Prepare(
+      "SELECT pid, hostname FROM segment JOIN host USING (host_id) WHERE run_id = ?1"
+      " ORDER BY segment DESC LIMIT 1");
+  if (!last.Bind(run_id).Step()) return "another process";
+  return "process " + std::to_string(last.Int(0)) + " of " + last.Text(1);
+}
+
 std::optional<RunInfo> Database::GetRun(std::int64_t run_id) {
   Statement find = connection_->Prepare(std::string(kSelectRun) + "WHERE r.run_id = ?1");
   if (!find.Bind(run_id).Step()) return std::nullopt;

@@ -19,10 +19,6 @@ namespace {
 // A worker shows one a second.
 constexpr std::chrono::milliseconds kHeartbeats{2500};
 
-bool IsUuid(const std::string& text) {
-  return text.size() == 36 && text.find_first_not_of("0123456789abcdef-") == std::string::npos;
-}
-
 struct Delete {
   std::vector<std::string> names;
   Selection selection;
@@ -133,7 +129,7 @@ int Delete::Run() {
               << "  " << RunStatusName(run.status);
     if (run.parent_run_id) std::cout << "  evaluation of run " << *run.parent_run_id;
     std::cout << "\n";
-    if (yes && files && IsUuid(run.uuid)) {
+    if (yes && files) {
       std::error_code error;
       const std::string folder = database->RunFolder(run);
       if (folder == database->path() + ".files/" + run.uuid) {

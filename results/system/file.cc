@@ -1,10 +1,12 @@
 #include "results/system/file.h"
 
 #include <fcntl.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstring>
 #include <system_error>
 #include <utility>
@@ -16,17 +18,21 @@
 namespace dreamsearch {
 namespace {
 
+// Of the name of a temporary file.
+constexpr std::size_t kRandomLetters = 12;
+
 [[noreturn]] void ThrowErrno(const std::filesystem::path& path, const char* what, int error) {
   std::error_code ignored;
   const auto space = std::filesystem::space(path.parent_path(), ignored);
-  std::string message = std::string("cannot ") + what + " " +
-                        std::filesystem::absolute(path).string() + ": " + std::strerror(error);
+  std::string message = std::string("cannot ") + what + " " + AbsolutePath(path.string()) + ": " +
+                        std::strerror(error);
   if (!ignored) message += " (" + std::to_string(space.available) + " bytes free)";
   const bool permission = error == EACCES || error == EPERM || error == EROFS;
-  const bool missing_folder = error == ENOENT || error == ENOTDIR;
-  throw Failure(permission       ? ExitCode::kPermission
-                : missing_folder ? ExitCode::kCannotCreate
-                                 : ExitCode::kInputOutput,
+  const bool impossible = error == ENOENT || error == ENOTDIR || error == EISDIR ||
+                          error == ELOOP || error == ENAMETOOLONG;
+  throw Failure(permission   ? ExitCode::kPermission
+                : impossible ? ExitCode::kCannotCreate
+                             : ExitCode::kInputOutput,
                 message);
 }
 
@@ -77,22 +83,61 @@ std::string ReadWholeFile(const std::filesystem::path& path) {
   return bytes;
 }
 
+void CheckIsNoLink(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  if (!std::filesystem::is_symlink(folder, ignored)) return;
+  throw Failure(ExitCode::kBadInput,
+                AbsolutePath(folder.string()) +
+                    ": expected the folder of a run, found a symbolic link, through which nothing "
+                    "is written. Put the folder itself there");
+}
+
+TemporaryFile MakeTemporaryFile(const std::filesystem::path& path) {
+  constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz012345";
+  const std::size_t most = NAME_MAX - kRandomLetters - std::strlen(kTemporarySuffix) - 1;
+  const std::string begin =
+      (path.parent_path() / path.filename().string().substr(0, most)).string();
+  for (;;) {
+    unsigned char random[kRandomLetters];
+    if (::getrandom(random, sizeof random, 0) != sizeof random) {
+      ThrowErrno(path, "draw a name beside", errno);
+    }
+    std::string name = begin + ".";
+    for (const unsigned char byte : random) name += kLetters[byte % kLetters.size()];
+    name += kTemporarySuffix;
+    FileDescriptor file(
+        ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+    if (file.get() >= 0) return {name, std::move(file)};
+    if (errno != EEXIST) ThrowErrno(path, "create", errno);
+  }
+}
+
+bool IsTemporaryOf(const std::filesystem::path& file, const std::filesystem::path& path) {
+  const std::string name = file.string(), begin = path.string() + ".";
+  return name.starts_with(begin) && name.ends_with(kTemporarySuffix) &&
+         name.size() == begin.size() + kRandomLetters + std::strlen(kTemporarySuffix);
+}
+
 void WriteWholeFile(const std::filesystem::path& path,
                     const std::function<void(const Append& append)>& write) {
-  const std::filesystem::path temporary = path.string() + ".tmp";
-  FileDescriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (fd.get() < 0) ThrowErrno(temporary, "create", errno);
+  TemporaryFile made = MakeTemporaryFile(path);
+  const std::filesystem::path& temporary = made.path;
+  FileDescriptor& fd = made.file;
   try {
     write([&](std::string_view bytes) {
-      if (!WriteAll(fd.get(), bytes)) ThrowErrno(temporary, "write", errno);
+      if (!WriteAll(fd.get(), bytes)) ThrowErrno(path, "write", errno);
     });
-    if (::fsync(fd.get()) != 0) ThrowErrno(temporary, "sync", errno);
-    if (::close(fd.Release()) != 0) ThrowErrno(temporary, "close", errno);
+    if (::fsync(fd.get()) != 0) ThrowErrno(path, "sync", errno);
+    if (::close(fd.Release()) != 0) ThrowErrno(path, "close", errno);
   } catch (...) {
     ::unlink(temporary.c_str());
     throw;
   }
-  if (::rename(temporary.c_str(), path.c_str()) != 0) ThrowErrno(path, "rename to", errno);
+  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    ::unlink(temporary.c_str());
+    ThrowErrno(path, "rename to", error);
+  }
   SyncFolder(path.parent_path());
 }
 
@@ -110,9 +155,9 @@ OutputFile::OutputFile(const std::string& path) : path_(AbsolutePath(path)) {
     return;
   }
   path_ = FinalTarget(path_);
-  temporary_ = path_ + ".part" + std::to_string(getpid());
-  file_ = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file_ < 0) Fail("created");
+  TemporaryFile made = MakeTemporaryFile(path_);
+  temporary_ = made.path;
+  file_ = made.file.Release();
 }
 
 OutputFile::~OutputFile() {

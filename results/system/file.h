@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 
+#include "results/system/file_descriptor.h"
+
 namespace dreamsearch {
 
 // An absolute path, its links as they are.
@@ -17,9 +19,25 @@ std::string AbsolutePath(const std::string& path);
 
 using Append = std::function<void(std::string_view bytes)>;
 
+// A file beside `path` that is not yet there: it is made, never one that is found, and no link
+// is followed. Its name, of random letters between `path` and kTemporarySuffix, is nobody's to
+// guess. Throws as WriteWholeFile does.
+inline constexpr char kTemporarySuffix[] = ".tmp";
+struct TemporaryFile {
+  std::filesystem::path path;
+  FileDescriptor file;
+};
+TemporaryFile MakeTemporaryFile(const std::filesystem::path& path);
+// Whether a file of that name may be one that MakeTemporaryFile has made for `path`.
+bool IsTemporaryOf(const std::filesystem::path& file, const std::filesystem::path& path);
+
 // Hands over the bytes of a file, piece by piece.
 void ReadFile(const std::filesystem::path& path, const Append& append);
 std::string ReadWholeFile(const std::filesystem::path& path);
+
+// Throws Failure 65 if the folder is a symbolic link: whoever made it, and not its owner, would
+// decide what is written where.
+void CheckIsNoLink(const std::filesystem::path& folder);
 
 // For what a run must find again after a crash or a power cut: written under a temporary
 // name, synced, renamed, and its folder synced. `write` hands over the bytes, piece by

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "results/system/error.h"
+#include "results/system/file.h"
 
 namespace dreamsearch {
 namespace {
@@ -39,8 +40,9 @@ int TryLock(int file, bool exclusive) {
 // Who asks with RunIsLocked holds the file for a moment, so a refusal counts only once it has
 // lasted.
 FileDescriptor LockRun(const std::filesystem::path& folder) {
+  CheckIsNoLink(folder);
   const std::string path = LockPath(folder).string();
-  FileDescriptor lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  FileDescriptor lock(::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644));
   if (lock.get() < 0) {
     const int error = errno;
     throw Failure(error == EACCES || error == EROFS     ? ExitCode::kPermission
@@ -66,7 +68,8 @@ FileDescriptor LockRun(const std::filesystem::path& folder) {
 }
 
 bool RunIsLocked(const std::filesystem::path& folder) {
-  const FileDescriptor lock(::open(LockPath(folder).c_str(), O_RDWR | O_CLOEXEC));
+  const FileDescriptor lock(
+      ::open(LockPath(folder).c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   // Shared, so that two who ask at once do not take each other for a worker.
   return lock.get() >= 0 && TryLock(lock.get(), false) == EWOULDBLOCK;
 }

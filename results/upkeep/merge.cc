@@ -13,6 +13,7 @@
 #include "results/text/table.h"
 #include "results/upkeep/run_copies.h"
 #include "results/upkeep/same_run.h"
+#include "results/upkeep/verification.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -177,6 +178,16 @@ class Merger {
       const bool same = there->uuid == run.uuid;
       if (!same) result_.notes.push_back(RunTwice(run, *there));
       if (!StaysOver(run, *there) && !(same && BringsDecisions(run, *there))) {
+        ++result_.kept;
+        if (same) merged_[run.run_id] = there->run_id;
+        return;
+      }
+      // What is there and whole is not given up for what was damaged or changed.
+      if (const std::vector<std::string> problems = WhyNotAsWritten(source_, run);
+          !problems.empty()) {
+        result_.notes.push_back("kept the run " + there->uuid.substr(0, 8) +
+                                " that is there: the one of " + source_->path() +
+                                " is not as it was written: " + problems.front());
         ++result_.kept;
         if (same) merged_[run.run_id] = there->run_id;
         return;

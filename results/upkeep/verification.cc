@@ -143,11 +143,14 @@ void FindHolesInSegments(Connection& db, const RunInfo& run, const std::string& 
   }
 }
 
-void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
+std::string NameOf(const RunInfo& run) {
+  return "run " + std::to_string(run.run_id) + " (" + run.uuid.substr(0, 8) + ", " + run.task +
+         ", " + run.planner + ", seed " + std::to_string(run.seed) + "): ";
+}
+
+void CheckDigests(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
   Connection& db = database->connection();
-  const std::string name = "run " + std::to_string(run.run_id) + " (" + run.uuid.substr(0, 8) +
-                           ", " + run.task + ", " + run.planner + ", seed " +
-                           std::to_string(run.seed) + "): ";
+  const std::string name = NameOf(run);
   const Chunks stored = ReadChunks(db, run.run_id, 0);
   const Chunks computed = ComputeChunks(db, run.run_id, 0);
   Chunks keys = stored;
@@ -171,9 +174,6 @@ void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>*
                         "its record (settings, programs, segments, times, events, files) is "
                         "not the one it ended with");
   }
-  FindHolesInSteps(db, run, name, problems);
-  FindHolesInEpisodes(db, run, name, problems);
-  FindHolesInSegments(db, run, name, problems);
   if (StoredBins(db, run.run_id) != BinsOfEpisodes(db, run.run_id)) {
     problems->push_back(name + "curve_bin does not follow from its episodes");
   }
@@ -186,7 +186,31 @@ void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>*
   }
 }
 
+void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
+  CheckDigests(database, run, problems);
+  Connection& db = database->connection();
+  FindHolesInSteps(db, run, NameOf(run), problems);
+  FindHolesInEpisodes(db, run, NameOf(run), problems);
+  FindHolesInSegments(db, run, NameOf(run), problems);
+}
+
+// The tables, indices, triggers and views that answer for what is stored: each as this program
+// makes it. What else is there is the user's own, but for triggers, which change rows.
+void VerifySchema(Database* database, std::vector<std::string>* problems) {
+  for (const std::string& object : database->ChangedSchema()) {
+    problems->push_back("schema: " + object + " is not as this program makes it");
+  }
+}
+
 }  // namespace
+
+std::vector<std::string> WhyNotAsWritten(Database* database, const RunInfo& run) {
+  std::vector<std::string> problems;
+  database->connection().Execute("BEGIN");  // one state of a run that may go on meanwhile
+  CheckDigests(database, run, &problems);
+  database->connection().Execute("COMMIT");
+  return problems;
+}
 
 std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
   Connection& db = database->connection();
@@ -201,6 +225,7 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
     problems.push_back("a row of " + keys.Text(0) + " refers to a row of " + keys.Text(2) +
                        " that is not there");
   }
+  VerifySchema(database, &problems);
   for (const RunInfo& run : database->ListRuns(filter)) VerifyRun(database, run, &problems);
   db.Execute("COMMIT");
   return problems;

@@ -17,6 +17,9 @@ namespace dreamsearch::results {
 // being written.
 std::vector<std::string> Verify(Database* database, const RunFilter& filter);
 
+// Which of a run's digests its rows do not have.
+std::vector<std::string> WhyNotAsWritten(Database* database, const RunInfo& run);
+
 // Where a run and its repetition first differ, one line for the decisions and one for
 // the episodes, in the order of environment steps; nothing if they agree. Compares
 // all that seeds decide, bit for bit, and no times; no decisions if `stored` has none of the run

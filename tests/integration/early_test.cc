@@ -110,7 +110,8 @@ TEST_F(EarlyTest, ARetriedRunHasOtherSeedsFromThereOnAndDoesNotDivergeAtTheSameS
   EXPECT_EQ(Value("select detail from event where kind = 'retry' order by seq limit 1"),
             "retry 1: training episodes from 2 on have other seeds");
   // What it became can be had again.
-  const ProgramResult verified = place_.Runner({"verify", "1", "--db", "e.db"});
+  const ProgramResult verified =
+      place_.Runner({"verify", "1", "--db", "e.db", "--plugin-path", DREAMSEARCH_EARLY_PLUGIN_DIR});
   EXPECT_EQ(verified.exit_status, 0) << verified.out << verified.err;
 }
 

@@ -29,7 +29,8 @@ class ExtendTest : public testing::Test {
     return place_.Runner(arguments);
   }
   ProgramResult Extend(const std::string& steps) const {
-    return place_.Runner({"extend", "1", "--steps", steps, "--db", "x.db"});
+    return place_.Runner({"extend", "1", "--steps", steps, "--db", "x.db", "--plugin-path",
+                          DREAMSEARCH_EARLY_PLUGIN_DIR});
   }
   std::string Value(const std::string& sql) const { return place_.Value("x.db", sql); }
 
@@ -63,7 +64,11 @@ TEST_F(ExtendTest, AnExtendedRunHasTheBitsOfALongerOneAndIsThatRun) {
   const ProgramResult verified = place_.Results({"verify", "--db", "x.db"});
   EXPECT_EQ(verified.exit_status, 0) << verified.out << verified.err;
   // It can be extended again: it kept what its beginning kept.
-  EXPECT_EQ(place_.Runner({"extend", "2", "--steps", "2400", "--db", "x.db"}).exit_status, 0);
+  EXPECT_EQ(place_
+                .Runner({"extend", "2", "--steps", "2400", "--db", "x.db", "--plugin-path",
+                         DREAMSEARCH_EARLY_PLUGIN_DIR})
+                .exit_status,
+            0);
 }
 
 TEST_F(ExtendTest, ARunThatKeptNoReplayIsRefusedWithASentence) {

@@ -278,7 +278,8 @@ TEST(SupervisorTest, ARunThatCannotBeStartedCostsItselfAlone) {
   const std::string log = FolderOfRun(place, 1) + "/run.log";
   std::filesystem::remove(log);
   std::filesystem::create_directory(log);
-  const ProgramResult result = place.Runner({"resume", "--retry", "--db", "f.db"});
+  const ProgramResult result = place.Runner(
+      {"resume", "--retry", "--db", "f.db", "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR});
   EXPECT_EQ(result.exit_status, 74) << result.err;
   EXPECT_NE(place.Value("f.db", "select error from run where run_id = 1").find(log),
             std::string::npos)
@@ -312,7 +313,8 @@ TEST(LockTest, WhoAsksAboutTheLockKeepsNobodyFromIt) {
   place.Runner(FaultyRun("null_planner", "dreamer", "f.db"));
   const int lock = ::open((FolderOfRun(place, 1) + "/lock").c_str(), O_RDWR | O_CLOEXEC);
   ASSERT_EQ(::flock(lock, LOCK_SH), 0);
-  const pid_t pid = place.Start({"resume", "--retry", "--db", "f.db"});
+  const pid_t pid = place.Start(
+      {"resume", "--retry", "--db", "f.db", "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR});
   ASSERT_TRUE(WaitForText(place.Path("err." + std::to_string(pid)), "started "));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ::close(lock);

@@ -1,6 +1,9 @@
 #include "host/saving/checkpoint.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -10,6 +13,7 @@
 
 #include "dreamsearch/random.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/system/temporary_folder.h"
 
 namespace dreamsearch {
@@ -279,16 +283,52 @@ TEST_F(CheckpointTest, SaysWhereItCannotWrite) {
   }
 }
 
-TEST_F(CheckpointTest, AFullDiskIsAnInputOutputError) {
-  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
-  std::filesystem::create_symlink("/dev/full", folder_ / "x.tmp");
+TEST_F(CheckpointTest, ADiskThatTakesNoMoreIsAnInputOutputError) {
+  ::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit little = {16, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &little);
+  const auto restore = [&] { ::setrlimit(RLIMIT_FSIZE, &before); };
   try {
     WriteCheckpointFile(folder_ / "x", Parts());
+    restore();
     FAIL();
   } catch (const Failure& error) {
+    restore();
     EXPECT_EQ(error.code(), ExitCode::kInputOutput) << error.what();
     EXPECT_NE(std::string(error.what()).find("bytes free"), std::string::npos) << error.what();
   }
+  EXPECT_TRUE(std::filesystem::is_empty(folder_));
+}
+
+TEST_F(CheckpointTest, AFileThatCannotBeReadIsNotPassedOverForAnOlderOne) {
+  if (::geteuid() == 0) GTEST_SKIP() << "root reads what it likes";
+  const CheckpointFolder folder(folder_);
+  for (const std::uint64_t step : {1, 2}) CheckpointFolder(folder_).Write(step, Parts(), step - 1);
+  std::filesystem::permissions(folder.PathOf(2), std::filesystem::perms::none);
+  EXPECT_THROW(folder.LoadNewest(), Failure);
+}
+
+TEST_F(CheckpointTest, WhatAKilledWriterLeftGoesWithTheNextCheckpoint) {
+  CheckpointFolder folder(folder_);
+  const TemporaryFile left = MakeTemporaryFile(folder.PathOf(7));
+  const std::filesystem::path other = folder_ / "notes.tmp";
+  std::ofstream(other) << "mine";
+  folder.Write(8, Parts(), 0);
+  EXPECT_FALSE(std::filesystem::exists(left.path));
+  EXPECT_TRUE(std::filesystem::exists(other));
+}
+
+TEST_F(CheckpointTest, WritesThroughNoLinkAndOverNoFileThatItDidNotMake) {
+  const std::filesystem::path target = folder_ / "target";
+  std::ofstream(target) << "kept";
+  std::filesystem::create_symlink(target, folder_ / "x");
+  std::filesystem::create_symlink(target, folder_ / "x.tmp");
+  WriteCheckpointFile(folder_ / "x", Parts());
+  EXPECT_EQ(std::filesystem::file_size(target), 4u);
+  EXPECT_FALSE(std::filesystem::is_symlink(folder_ / "x"));
+  EXPECT_EQ(Step(Checkpoint(folder_ / "x")), 7u);
 }
 
 }  // namespace

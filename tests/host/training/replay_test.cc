@@ -223,6 +223,33 @@ void ExpectSearches(const SequenceBatch& batch, int last) {
   }
 }
 
+// What DecisionOf and Sample rely on; a file may hold anything that its checksums fit.
+TEST(Replay, RowsThatContradictTheEpisodesAreRefused) {
+  Replay replay(2, 1, 1000);
+  AddEpisode(&replay, 0, 5);
+  AddEpisode(&replay, 1, 5);
+  const std::string saved = Saved(replay);
+  const auto expect_refused = [&](const std::string& field, std::size_t entry, char byte) {
+    std::string changed = saved;
+    const std::size_t at = changed.find(field) + field.size() + 1 + sizeof(std::uint64_t) + entry;
+    ASSERT_NE(changed[at], byte);
+    changed[at] = byte;
+    Replay other(2, 1, 1000);
+    try {
+      Load(changed, &other);
+      ADD_FAILURE() << field << " " << entry;
+    } catch (const Failure& error) {
+      EXPECT_EQ(error.code(), ExitCode::kBadInput);
+    }
+  };
+  expect_refused("is_first", 0, 0);
+  expect_refused("is_first", 3, 1);
+  expect_refused("is_first", 6, 2);
+  expect_refused("episode_rows", 0, 0);
+  expect_refused("episode_finished", 0, 0);  // only the last may go on
+  expect_refused("episode_finished", 8, 2);
+}
+
 TEST(ReplaySearches, StandBesideTheObservationThatTheyBeganFrom) {
   Replay replay(2, 1, 100, 2);
   for (int episode = 0; episode < 9; ++episode) AddSearchedEpisode(&replay, episode, 20);

@@ -148,6 +148,29 @@ TEST_F(MergeTest, ARunThatGotFurtherReplacesTheSameRun) {
   EXPECT_EQ(Everything(target.get()), Everything(a.get()));
 }
 
+// One that claims to have got further than it has, and one whose returns were changed.
+TEST_F(MergeTest, ARunThatIsThereAndWholeStaysOverAChangedCopy) {
+  Record(Open("a.db").get(), {.seed = 0}, 2, RunStatus::kInterrupted);
+  MergeAll("t.db", {"a.db"});
+  const auto target = Open("t.db");
+  const auto before = Everything(target.get());
+  for (const char* change :
+       {"UPDATE run SET status = 'finished', env_steps_done = 100000",
+        "UPDATE run SET heartbeat_utc = '2999-01-01T00:00:00.000Z'; UPDATE episode SET"
+        " episode_return = 1000"}) {
+    const std::string copy =
+        std::string("copy") + std::to_string(before.size()) + change[15] + ".db";
+    std::filesystem::copy_file(folder_ / "a.db", folder_ / copy);
+    Open(copy)->connection().Execute(change);
+    const MergeResult result = Merge(target.get(), folder_ / copy);
+    EXPECT_EQ(result.kept, 1) << change;
+    EXPECT_EQ(result.replaced, 0) << change;
+    ASSERT_EQ(result.notes.size(), 1u) << change;
+    EXPECT_NE(result.notes[0].find("is not as it was written"), std::string::npos);
+    EXPECT_EQ(Everything(target.get()), before);
+  }
+}
+
 TEST_F(MergeTest, EvaluationsFollowTheRunTheyAreOf) {
   const auto a = Open("a.db");
   Record(a.get(), {.seed = 5}, 1);
