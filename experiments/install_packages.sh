@@ -16,7 +16,7 @@ if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev
              libdnnl-dev libxsmm-dev
              python3 python3-numpy python3-pandas python3-scipy python3-venv chromium clang-format clang-tidy
-             slurm-wlm munge)
+             slurm-wlm munge strace)
 elif [[ $# -gt 0 ]]; then
   echo "usage: $0 [--tests]" >&2
   exit 2
