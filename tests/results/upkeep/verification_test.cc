@@ -56,6 +56,8 @@ TEST_F(VerificationTest, FindsNothingInWhatWasWritten) { EXPECT_EQ(Problems(), 0
 // changed through SQL with the triggers off, as a bad disk would: unseen.
 TEST_F(VerificationTest, FindsEveryFlippedBitOfAStoredRow) {
   db_->connection().Execute("DROP TRIGGER episode_updated");
+  const std::size_t dropped = 1;  // the trigger is missed as well
+  ASSERT_EQ(Problems(), dropped);
   struct Column {
     const char* table;
     const char* name;
@@ -93,13 +95,13 @@ TEST_F(VerificationTest, FindsEveryFlippedBitOfAStoredRow) {
           std::memcpy(&flipped, &bits, sizeof flipped);
           read.Reset();
           write.Bind(flipped).Run();
-          EXPECT_GT(Problems(), 0u) << column.table << "." << column.name << " bit " << bit;
+          EXPECT_GT(Problems(), dropped) << column.table << "." << column.name << " bit " << bit;
           write.Bind(value).Run();
         } else {
           const std::int64_t value = read.Int(0);
           read.Reset();
           write.Bind(value ^ (std::int64_t{1} << bit)).Run();
-          EXPECT_GT(Problems(), 0u) << column.table << "." << column.name << " bit " << bit;
+          EXPECT_GT(Problems(), dropped) << column.table << "." << column.name << " bit " << bit;
           write.Bind(value).Run();
         }
         ++flips;
@@ -107,7 +109,7 @@ TEST_F(VerificationTest, FindsEveryFlippedBitOfAStoredRow) {
     }
   }
   EXPECT_EQ(flips, 13 * 21 * 3);
-  EXPECT_EQ(Problems(), 0u) << "the flips were not taken back";
+  EXPECT_EQ(Problems(), dropped) << "the flips were not taken back";
 }
 
 TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
