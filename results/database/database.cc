@@ -188,10 +188,12 @@ Database::Database(const std::string& path, OpenMode mode) {
   }
   connection_ = std::make_unique<Connection>(absolute, opened);
   LeaveWriteAhead(mode, opened);
-  if (opened == OpenMode::kReadWrite && mode == OpenMode::kReadOnly &&
-      connection_->QueryInt("PRAGMA user_version") < SchemaVersion() &&
-      (connection_->QueryInt("PRAGMA application_id") == kApplicationId || SchemaOfTables())) {
-    Prepare(OpenMode::kReadWrite);
+  if (opened == OpenMode::kReadWrite && mode == OpenMode::kReadOnly) {
+    const bool old = connection_->QueryInt("PRAGMA user_version") < SchemaVersion();
+    const auto program = connection_->QueryInt("PRAGMA application_id");
+    if ((program == kApplicationId && old) || (program == 0 && SchemaOfTables())) {
+      Prepare(OpenMode::kReadWrite);
+    }
   }
   Prepare(mode);
   if (mode == OpenMode::kReadOnly) connection_->Execute("PRAGMA query_only = ON");
@@ -233,7 +235,8 @@ void Database::Prepare(OpenMode mode) {
   };
 
   const bool create = mode == OpenMode::kCreate && blank();
-  if (!create && !marked()) {
+  const bool lost = ours() || db.QueryInt("PRAGMA application_id") == 0;  // or another program's
+  if (!create && !marked() && lost) {
     const std::optional<std::int64_t> schema = SchemaOfTables();
     if (schema) Mark(*schema, mode);
   }

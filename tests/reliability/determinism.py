@@ -17,20 +17,9 @@ import time
 import scripted_run as run
 
 TASKS = ("cartpole_balance", "reacher_easy", "walker_walk")
-PLANNERS = ("random", "cem", "icem", "rollout", "random_shooting", "mcts_pw", "mcts_fixed", "hoot",
-            "gumbel", "dreamer")
+PLANNERS = ("random", "dreamer", *run.SMALL_SEARCHES)
 MODELS = ("dreamer", "tdmpc")
 STEPS = 240
-
-
-def small(planner, model):
-    """Settings that make the search and the model small."""
-    more = []
-    if planner.startswith("mcts") or planner in ("hoot", "gumbel"):
-        more += ["--set", "planner.simulations=4"]
-    if model == "tdmpc":
-        more += ["--set", "run.train_within_episode=true"]
-    return more
 
 
 class Ways:
@@ -43,8 +32,7 @@ class Ways:
     def words(self, **changes):
         given = dict(env=self.task, planner=self.planner, model=self.model, steps=STEPS)
         given.update(changes)
-        more = [*small(self.planner, self.model), *given.pop("more", ())]
-        return run.training(more=more, **given)
+        return run.training(**given)
 
     def digest(self, found):
         for name, digest in found.items():
@@ -84,11 +72,11 @@ class Ways:
         other = "random" if self.planner != "random" else "dreamer"
         yield "repeated", self.play
         yield "on one core", lambda: self.play(before=["taskset", "-c", "0"])
-        yield "two jobs", lambda: self.play(seeds=2, more=["--jobs", "2"])
+        yield "two jobs", lambda: self.play(seeds=("--seeds", 2), jobs=2)
         yield "logged", lambda: self.play(more=["--log-decisions", "--record-trees"])
         yield "interrupted", self.interrupted
         yield "other order", lambda: self.play(
-            planner=other + "," + self.planner, more=["--seed-list", "1,0"])
+            planner=other + "," + self.planner, seeds=("--seed-list", "1,0"))
 
 
 def combinations(full):

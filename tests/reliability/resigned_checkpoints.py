@@ -110,7 +110,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     programs = run.Programs(options.bin_dir)
-    words = run.training(steps=240, planner="mcts_pw", more=["--set", "planner.simulations=3"])
+    words = run.training(steps=1500, planner="mcts_pw")
     faults = run.Faults()
     draw = random.Random(options.seed)
     codes = {}
@@ -133,7 +133,7 @@ def main():
                 where = "change %d, %s" % (i, change(parts, draw))
                 path.write_bytes(signed(head, parts))
                 code, out, err = programs.call(folder, "runner", *words, "--memory-limit", "1G",
-                                               "--hang-timeout", "10", timeout=90)
+                                               "--hang-timeout", "10", "--time-limit", "20", timeout=90)
                 codes[code] = codes.get(code, 0) + 1
                 if code == 71 or code < 0 or code >= 128:
                     faults.add(where, "exit %d: %s" % (code, err.strip()[-400:]))

@@ -53,17 +53,32 @@ class Programs:
         return process.returncode, out, err
 
 
+# Searches of a few candidates.
+SMALL_SEARCHES = {
+    "cem": ("candidates=8", "elites=2", "iterations=1", "horizon=3"),
+    "icem": ("candidates=8", "elites=2", "iterations=1", "horizon=3"),
+    "mppi": ("candidates=8", "elites=2", "iterations=1", "actor_candidates=2"),
+    "random_shooting": ("candidates=8", "horizon=3"),
+    "rollout": ("actor_candidates=4", "uniform_candidates=4", "depth=3"),
+    **{name: ("simulations=4",) for name in ("mcts_pw", "mcts_fixed", "hoot", "mcts_gumbel")},
+}
+
+
 def training(db="r.db", steps=240, env="cartpole_balance", planner="random", model="dreamer",
-             seeds=1, more=()):
+             seeds=("--seeds", 1), jobs=1, more=()):
     """Arguments of a run of moments that learns and makes a checkpoint every 40 steps."""
     words = ["--env", env, "--planner", planner, "--model", model, "--db", db, "--steps", steps,
-             "--seeds", seeds, "--jobs", 1]
+             *seeds, "--jobs", jobs]
     settings = ["run.prefill_steps=80", "run.pretrain_updates=1", "run.train_every=20",
                 "run.batch_size=2", "run.sequence_length=4", "run.eval_episodes=1",
                 "run.eval_every=100000", "run.checkpoint_every=40"]
     if model == "dreamer":
         settings += ["model.hidden=8", "model.deterministic=8", "model.stochastic=2",
                      "model.imagination_starts=2", "model.horizon=2"]
+    if model == "tdmpc":
+        settings += ["model.width=8", "model.encoder_width=8", "model.simplices=1"]
+    for name in planner.split(","):
+        settings += ["%s.%s" % (name, setting) for setting in SMALL_SEARCHES.get(name, ())]
     for setting in settings:
         words += ["--set", setting]
     return [str(word) for word in [*words, *more]]

@@ -99,6 +99,21 @@ TEST_F(RebuiltDatabase, OfAnotherProgramIsStillRefused) {
   EXPECT_EQ(here.QueryInt("PRAGMA user_version"), 0);
 }
 
+// Tables like ours under another program's mark are that program's.
+TEST_F(RebuiltDatabase, MarkedByAnotherProgramIsRefusedByReadersAndWriters) {
+  Database::OpenOrCreate(folder_ / "m.db")->connection().Execute("PRAGMA application_id = 7");
+  for (const auto open : {Database::OpenReadOnly, Database::OpenExisting}) {
+    try {
+      open(folder_ / "m.db");
+      FAIL();
+    } catch (const Failure& error) {
+      EXPECT_EQ(error.code(), ExitCode::kBadInput) << error.what();
+    }
+  }
+  Connection(folder_ / "m.db", OpenMode::kReadWrite).Execute("PRAGMA application_id = 0");
+  EXPECT_EQ(Database::OpenReadOnly(folder_ / "m.db")->ListRuns().size(), 0u);
+}
+
 TEST_F(RebuiltDatabase, WithASchemaBelowZeroIsRefused) {
   for (const char* version : {"-1", "-5", "-2147483648"}) {
     Connection(folder_ / "a.db", OpenMode::kReadWrite)
