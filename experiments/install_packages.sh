@@ -14,7 +14,7 @@ packages=(
 )
 if [[ "${1:-}" == --tests ]]; then
   packages+=(libgtest-dev libgmock-dev libbenchmark-dev
-             libdnnl-dev libxsmm-dev
+             libdnnl-dev libxsmm-dev abigail-tools
              python3 python3-numpy python3-pandas python3-scipy python3-venv chromium clang-format clang-tidy
              slurm-wlm munge strace)
 elif [[ $# -gt 0 ]]; then

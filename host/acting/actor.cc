@@ -13,7 +13,7 @@ class Actor final : public Planner {
     const Status status =
         model_->ProposeMode(request.root, {result->action.data, 1, result->action.size});
     if (!status.ok()) return status;
-    return model_->Value(request.root, {.values = {&result->value, 1}});
+    return model_->Value(request.root, {&result->value, 1});
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }

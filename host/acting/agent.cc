@@ -31,10 +31,14 @@ void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResu
   if (!std::isfinite(result.value)) {
     throw Failure(ExitCode::kDiverged, who + " reported a value that is not finite");
   }
+}
+
+void CheckPolicy(const std::string& who, MatrixView<const double> actions,
+                 View<const double> weights) {
   double sum = 0;
-  for (std::uint64_t k = 0; k < result.policy_weights.size; ++k) {
-    const View<const double> action = result.policy_actions.row(k);
-    const double weight = result.policy_weights[k];
+  for (std::uint64_t k = 0; k < weights.size; ++k) {
+    const View<const double> action = actions.row(k);
+    const double weight = weights[k];
     sum += weight;
     if (weight >= 0 && std::all_of(action.begin(), action.end(),
                                    [](double entry) { return std::abs(entry) <= 1; })) {
@@ -44,7 +48,7 @@ void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResu
                                            std::to_string(k) + " lies outside [-1, 1] or weighs " +
                                            std::to_string(weight));
   }
-  if (!result.policy_weights.empty() && !(std::abs(sum - 1) < 1e-6)) {
+  if (!(std::abs(sum - 1) < 1e-6)) {
     throw Failure(ExitCode::kInternal, who + " reported a policy whose weights sum to " +
                                            std::to_string(sum) + ", expected 1");
   }
@@ -52,6 +56,10 @@ void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResu
 
 Agent::Agent(const Parts& parts)
     : parts_(parts),
+      state_saving_(parts.model_needs_environment ? ExtensionOf<StateSaving>(parts.environment)
+                                                  : nullptr),
+      tree_report_(ExtensionOf<TreeReporting>(parts.planner)),
+      policy_report_(ExtensionOf<PolicyReporting>(parts.planner)),
       proxy_(parts.model, parts.model_name, parts.searches),
       latent_bytes_(parts.model->latent_bytes()),
       latent_memory_(2 * latent_bytes_ + kLatentAlignment),
@@ -59,9 +67,7 @@ Agent::Agent(const Parts& parts)
       metrics_(parts.metrics),
       policy_actions_(parts.policy_actions * action_.size()),
       policy_weights_(parts.policy_actions) {
-  if (parts.model_needs_environment) {
-    environment_state_.resize(parts.environment->spec().state_bytes);
-  }
+  if (state_saving_ != nullptr) environment_state_.resize(state_saving_->state_bytes());
 }
 
 std::byte* Agent::Latent(std::size_t index) {
@@ -89,10 +95,9 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   observe.previous = {Latent(current_), 1, latent_bytes_};
   observe.actions = {action_.data(), 1, action_.size()};
   observe.observations = {observation.data, 1, observation.size};
-  if (parts_.model_needs_environment) {
-    ThrowUnlessOk(
-        parts_.environment->SaveState({environment_state_.data(), environment_state_.size()}),
-        "environment SaveState");
+  if (state_saving_ != nullptr) {
+    ThrowUnlessOk(state_saving_->SaveState({environment_state_.data(), environment_state_.size()}),
+                  "environment SaveState");
     observe.environment_states = {environment_state_.data(), 1, environment_state_.size()};
   }
   const std::uint64_t observe_seed =
@@ -109,14 +114,9 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   request.seed = SeedFor(parts_.run_seed, SeedUse::kPlan, phase_, episode_, decision_);
   request.decision = decision_;
   request.environment_step = environment_step;
-  request.tree = tree;
   PlanResult result;
   result.action = {action_.data(), action_.size()};
   result.metrics = {metrics_.data(), metrics_.size()};
-  if (!policy_weights_.empty()) {
-    result.policy_actions = {policy_actions_.data(), policy_weights_.size(), action_.size()};
-    result.policy_weights = {policy_weights_.data(), policy_weights_.size()};
-  }
   const Status status = parts_.planner->Plan(request, &result);
   ThrowUnlessOk(proxy_.fault(), who + " Plan");
   ThrowUnlessOk(status, who + " Plan");
@@ -126,6 +126,13 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   decision.nodes = result.nodes;
   decision.depth = result.depth;
   CheckPlanned(who, decision_, result);
+  if (tree != nullptr && tree_report_ != nullptr) tree_report_->ReportTree(tree);
+  if (!policy_weights_.empty()) {
+    const MatrixView<double> policy{policy_actions_.data(), policy_weights_.size(), action_.size()};
+    const View<double> weights{policy_weights_.data(), policy_weights_.size()};
+    ThrowUnlessOk(policy_report_->ReportPolicy(policy, weights), who + " ReportPolicy");
+    CheckPolicy(who, policy, weights);
+  }
   ++decision_;
   decision.plan_us = (Now() - begin) * 1e6;
   return decision;

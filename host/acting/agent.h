@@ -34,6 +34,9 @@ struct Decision {
 
 // Throws Failure unless what a planner, `who`, planned keeps the laws of PlanResult.
 void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResult& result);
+// Likewise the improved policy that it reported.
+void CheckPolicy(const std::string& who, MatrixView<const double> actions,
+                 View<const double> weights);
 
 class Agent {
  public:
@@ -88,6 +91,9 @@ class Agent {
   std::byte* Latent(std::size_t index);
 
   Parts parts_;
+  StateSaving* state_saving_;   // null unless the model needs the environment's state
+  TreeReporting* tree_report_;  // of the planner, or null
+  PolicyReporting* policy_report_;
   ModelProxy proxy_;
   std::uint64_t latent_bytes_;
   std::vector<std::byte> latent_memory_;  // two aligned latents: current and next

@@ -103,6 +103,18 @@ void CheckModel(const Model& model, const EnvironmentSpec& environment,
                  "the environment's, " + std::to_string(environment.action_size));
 }
 
+// A trait that promises an extension, held against the object.
+template <typename Promised, typename Component>
+void CheckPromise(const char* kind, const ResolvedComponent& component, Trait trait,
+                  const char* name, Component* made) {
+  if (!component.Has(trait) || ExtensionOf<Promised>(made) != nullptr) return;
+  const PluginInfo& plugin = component.info->plugin;
+  throw Failure(ExitCode::kPluginRefused, "plugin " + plugin.name + " (" + plugin.path +
+                                              "): " + kind + " '" + component.name() +
+                                              "' declares " + name + ", expected that it offers '" +
+                                              Promised::kName + "', found that it does not");
+}
+
 }  // namespace
 
 std::map<std::string, std::string> IngredientsOf(const EnvironmentSpec& spec) {
@@ -195,6 +207,7 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   const Status status = descriptor.create_model(context, &model);
   ModelPtr made(FactoryResult(status, model, "model", component.name()));
   CheckModel(*made, environment, component);
+  CheckPromise<ReturnGradient>("model", component, kGivesGradients, "kGivesGradients", made.get());
   made->SetThreads(threads);
   return made;
 }
@@ -221,7 +234,9 @@ PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,
   context.latent_bytes = model.latent_bytes();
   Planner* made = nullptr;
   const Status status = descriptor.create_planner(context, &made);
-  return PlannerPtr(FactoryResult(status, made, "planner", planner.name()));
+  PlannerPtr owned(FactoryResult(status, made, "planner", planner.name()));
+  CheckPromise<PolicyReporting>("planner", planner, kReportsPolicy, "kReportsPolicy", made);
+  return owned;
 }
 
 PlannerPtr Components::MakePlanner(const LatentModel& model) const {

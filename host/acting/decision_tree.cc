@@ -30,7 +30,7 @@ void TreeCollector::Edge(const TreeEdge& edge) noexcept {
 
 nlohmann::json TreeJson(const TreeCollector& tree, View<const double> action,
                         const Decision& decision, const std::vector<double>& metrics,
-                        View<const MetricSpec> metric_specs) {
+                        const Records<MetricSpec>& metric_specs) {
   nlohmann::json json;
   json["action"] = std::vector<double>(action.begin(), action.end());
   std::int64_t chosen = -1;

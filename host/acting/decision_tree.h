@@ -44,6 +44,6 @@ class TreeCollector final : public TreeSink {
 // played action or, where there is none, the nearest.
 nlohmann::json TreeJson(const TreeCollector& tree, View<const double> action,
                         const Decision& decision, const std::vector<double>& metrics,
-                        View<const MetricSpec> metric_specs);
+                        const Records<MetricSpec>& metric_specs);
 
 }  // namespace dreamsearch

@@ -32,8 +32,8 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
   std::vector<double> bounded(action.size);
   ToEnvironmentBounds(environment->spec(), action, {bounded.data(), bounded.size()});
   HeldAction held;
-  StepResult step;
-  for (std::uint64_t i = 0; i < most_steps && !step.last; ++i) {
+  for (std::uint64_t i = 0; i < most_steps && !held.last; ++i) {
+    StepResult step;
     const Status status = environment->Step({bounded.data(), bounded.size()}, observation, &step);
     if (status.code == StatusCode::kDiverged) {
       held.diverged = "environment '" + name + "': " + status.message;
@@ -43,9 +43,9 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
     ThrowUnlessOk(status, "environment '" + name + "' Step");
     ++held.steps;
     held.reward += step.reward;
+    held.discount = step.discount;
+    held.last = step.last;
   }
-  held.discount = step.discount;
-  held.last = step.last;
   if (!std::isfinite(held.reward) || !std::isfinite(held.discount) || !AllFinite(observation)) {
     throw Failure(ExitCode::kDiverged,
                   "environment '" + name + "': a reward or an observation is not finite");

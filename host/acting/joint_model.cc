@@ -41,28 +41,35 @@ struct JointModel::PendingCall {
   // What can be called, in the order in which it is answered: a tree search proposes
   // actions, imagines where they lead and values what it found; a decision begins with an
   // observation.
-  enum class Kind { kProposeMode, kProposeSamples, kImagine, kValue, kObserve };
+  enum class Kind { kProposeMode, kProposeSamples, kImagine, kGradient, kValue, kSpread, kObserve };
 
   Kind kind = Kind::kProposeMode;
   ConstLatents latents;                   // every kind's
-  MatrixView<const double> actions;       // kImagine, kObserve
+  MatrixView<const double> actions;       // kImagine, kGradient, kObserve
   MatrixView<const double> observations;  // kObserve
   MatrixView<const std::byte> states;     // kObserve
-  View<const std::uint64_t> seeds;        // all but kProposeMode, kValue
-  Latents next;                           // kImagine, kObserve
+  View<const std::uint64_t> seeds;        // all but kProposeMode, kValue, kSpread
+  Latents next;                           // kObserve
   ImagineResult imagined;
-  ValueResult value;
+  View<double> values;  // kValue
+  SpreadResult spread;
+  double deviations = 0;  // kGradient, as `least`
+  bool least = false;
+  GradientResult gradient;
   MatrixView<double> proposed;  // kProposeMode, kProposeSamples
 
   std::uint64_t rows() const { return latents.rows; }
   std::uint64_t samples() const { return rows() == 0 ? 0 : proposed.rows / rows(); }
+  // Actions a row: of kGradient a sequence's.
+  std::uint64_t steps() const { return rows() == 0 ? 0 : actions.rows / rows(); }
 
   // Calls that one request can make.
   bool JoinsWith(const PendingCall& other) const {
     return kind == other.kind && rows() != 0 && other.rows() != 0 && samples() == other.samples() &&
-           states.cols == other.states.cols &&
-           value.deviations.empty() == other.value.deviations.empty() &&
-           value.least.empty() == other.value.least.empty();
+           steps() == other.steps() && states.cols == other.states.cols &&
+           spread.deviations.empty() == other.spread.deviations.empty() &&
+           spread.least.empty() == other.spread.least.empty() && deviations == other.deviations &&
+           least == other.least;
   }
 
   Status Ask(Model* model) const noexcept {
@@ -73,8 +80,13 @@ struct JointModel::PendingCall {
         return model->ProposeSamples(latents, seeds, proposed);
       case Kind::kImagine:
         return model->Imagine({latents, actions, seeds}, imagined);
+      case Kind::kGradient:
+        return ExtensionOf<ReturnGradient>(model)->Gradient(
+            {latents, actions, seeds, deviations, least}, gradient);
       case Kind::kValue:
-        return model->Value(latents, value);
+        return model->Value(latents, values);
+      case Kind::kSpread:
+        return ExtensionOf<ValueSpread>(model)->Spread(latents, spread);
       case Kind::kObserve:
         return model->Observe({latents, actions, observations, states, seeds}, next);
     }
@@ -82,7 +94,7 @@ struct JointModel::PendingCall {
   }
 };
 
-class JointModel::Seat final : public Model {
+class JointModel::Seat final : public Offers<Model, ValueSpread, ReturnGradient> {
  public:
   Seat(JointModel* joint, std::size_t index) : joint_(joint), index_(index) {}
   ~Seat() = default;
@@ -99,12 +111,34 @@ class JointModel::Seat final : public Model {
     pending.imagined = result;
     return Put(pending);
   }
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
     PendingCall pending;
     pending.kind = PendingCall::Kind::kValue;
     pending.latents = latents;
-    pending.value = result;
+    pending.values = values;
     return Put(pending);
+  }
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept override {
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kSpread;
+    pending.latents = latents;
+    pending.spread = result;
+    return Put(pending);
+  }
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept override {
+    PendingCall pending;
+    pending.kind = PendingCall::Kind::kGradient;
+    pending.latents = request.latents;
+    pending.actions = request.actions;
+    pending.seeds = request.seeds;
+    pending.deviations = request.deviations;
+    pending.least = request.least;
+    pending.gradient = result;
+    return Put(pending);
+  }
+  // Those of the model that can be joined.
+  void* Extension(const char* name) noexcept override {
+    return joint_->model_->Extension(name) != nullptr ? Offers::Extension(name) : nullptr;
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     PendingCall pending;
@@ -144,7 +178,6 @@ class JointModel::Seat final : public Model {
   void SetThreads(std::uint32_t threads) noexcept override { joint_->model_->SetThreads(threads); }
   Status Save(ByteSink* sink) const noexcept override { return joint_->model_->Save(sink); }
   Status Load(ByteSource* source) noexcept override { return joint_->model_->Load(source); }
-  Status Export(TensorSink* sink) const noexcept override { return joint_->model_->Export(sink); }
   void Destroy() noexcept override {}
 
   Fiber fiber;
@@ -242,12 +275,15 @@ bool JointModel::AskJointly() {
   PendingCall all;
   all.kind = first.kind;
   std::byte* latents = Room(&latents_, rows, latent_bytes).data;
-  double* actions = Room(&actions_, std::max(rows, rows * first.samples()) * model_->action_size());
+  const std::uint64_t steps = rows * first.steps();
+  double* actions =
+      Room(&actions_, std::max(steps, rows * first.samples()) * model_->action_size());
   double* observations = Room(&observations_, rows * first.observations.cols);
   std::byte* states = Room(&states_, rows * first.states.cols);
-  std::uint64_t* seeds = Room(&seeds_, rows);
+  const std::uint64_t seed_count = all.kind == PendingCall::Kind::kGradient ? steps : rows;
+  std::uint64_t* seeds = Room(&seeds_, seed_count);
   all.latents = {latents, rows, latent_bytes};
-  all.seeds = {seeds, rows};
+  all.seeds = {seeds, seed_count};
   all.observations = {observations, rows, first.observations.cols};
   if (first.states.cols != 0) all.states = {states, rows, first.states.cols};
   for (const std::size_t i : asking_) {
@@ -264,16 +300,27 @@ bool JointModel::AskJointly() {
       all.proposed = {actions_.data(), rows * first.samples(), model_->action_size()};
       break;
     case PendingCall::Kind::kImagine:
-      all.actions = {actions_.data(), rows, model_->action_size()};
+      all.actions = {actions_.data(), steps, model_->action_size()};
       all.imagined = {Room(&next_, rows, latent_bytes),
                       {Room(&rewards_, rows), rows},
                       {Room(&discounts_, rows), rows}};
       break;
-    case PendingCall::Kind::kValue: {
+    case PendingCall::Kind::kGradient:
+      all.actions = {actions_.data(), steps, model_->action_size()};
+      all.deviations = first.deviations;
+      all.least = first.least;
+      all.gradient = {
+          {Room(&values_, rows), rows},
+          {Room(&gradients_, steps * model_->action_size()), steps, model_->action_size()}};
+      break;
+    case PendingCall::Kind::kValue:
+      all.values = {Room(&values_, rows), rows};
+      break;
+    case PendingCall::Kind::kSpread: {
       double* values = Room(&values_, 3 * rows);
-      all.value.values = {values, rows};
-      if (!first.value.deviations.empty()) all.value.deviations = {values + rows, rows};
-      if (!first.value.least.empty()) all.value.least = {values + 2 * rows, rows};
+      all.spread.values = {values, rows};
+      if (!first.spread.deviations.empty()) all.spread.deviations = {values + rows, rows};
+      if (!first.spread.least.empty()) all.spread.least = {values + 2 * rows, rows};
       break;
     }
     case PendingCall::Kind::kObserve:
@@ -287,9 +334,12 @@ bool JointModel::AskJointly() {
       all.kind == PendingCall::Kind::kObserve ? all.next.data : all.imagined.latents.data;
   const double* rewards = all.imagined.rewards.data;
   const double* discounts = all.imagined.discounts.data;
-  const double* values = all.value.values.data;
-  const double* deviations = all.value.deviations.data;
-  const double* least = all.value.least.data;
+  const double* values = all.values.data;
+  const double* means = all.spread.values.data;
+  const double* deviations = all.spread.deviations.data;
+  const double* least = all.spread.least.data;
+  const double* returns = all.gradient.returns.data;
+  const double* gradients = all.gradient.gradients.data;
   const double* proposed = all.proposed.data;
   for (const std::size_t i : asking_) {
     const PendingCall& pending = *seats_[i]->asked;
@@ -297,9 +347,12 @@ bool JointModel::AskJointly() {
     CopyOut(&next, pending.imagined.latents.size(), pending.imagined.latents.data);
     CopyOut(&rewards, pending.imagined.rewards.size, pending.imagined.rewards.data);
     CopyOut(&discounts, pending.imagined.discounts.size, pending.imagined.discounts.data);
-    CopyOut(&values, pending.value.values.size, pending.value.values.data);
-    CopyOut(&deviations, pending.value.deviations.size, pending.value.deviations.data);
-    CopyOut(&least, pending.value.least.size, pending.value.least.data);
+    CopyOut(&values, pending.values.size, pending.values.data);
+    CopyOut(&means, pending.spread.values.size, pending.spread.values.data);
+    CopyOut(&deviations, pending.spread.deviations.size, pending.spread.deviations.data);
+    CopyOut(&least, pending.spread.least.size, pending.spread.least.data);
+    CopyOut(&returns, pending.gradient.returns.size, pending.gradient.returns.data);
+    CopyOut(&gradients, pending.gradient.gradients.size(), pending.gradient.gradients.data);
     CopyOut(&proposed, pending.proposed.size(), pending.proposed.data);
     seats_[i]->answer = OkStatus();
   }

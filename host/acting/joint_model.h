@@ -78,7 +78,7 @@ class JointModel {
   // The joint request: the seats that ask, and their rows laid end to end.
   std::vector<std::size_t> asking_;
   LatentBuffer latents_, next_;
-  std::vector<double> actions_, observations_, rewards_, discounts_, values_;
+  std::vector<double> actions_, observations_, rewards_, discounts_, values_, gradients_;
   std::vector<std::byte> states_;
   std::vector<std::uint64_t> seeds_;
 };

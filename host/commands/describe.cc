@@ -92,6 +92,8 @@ std::string TraitsText(const ComponentInfo& component) {
                                                       {kReportsPolicy, "reports its policy"},
                                                       {kLearns, "learns"},
                                                       {kLearnsFromSearch, "learns from searches"},
+                                                      {kGivesGradients, "gives gradients"},
+                                                      {kNeedsGradients, "needs gradients"},
                                                       {kNeedsEnvironment, "needs an environment"},
                                                       {kDefault, "taken if none is named"}};
   std::vector<std::string> names;

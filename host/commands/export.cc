@@ -164,7 +164,9 @@ int ExportModelMain() {
     LoadModel(Checkpoint(request.at("checkpoint").get<std::string>()), spec.model.name(),
               model.get());
     TensorCollector collector;
-    ThrowUnlessOk(model->Export(&collector), "model '" + spec.model.name() + "' Export");
+    if (auto* exporting = ExtensionOf<TensorExport>(model.get())) {
+      ThrowUnlessOk(exporting->Export(&collector), "model '" + spec.model.name() + "' Export");
+    }
     if (collector.tensors().empty()) {
       throw Failure(ExitCode::kBadInput, "model '" + spec.model.name() +
                                              "' has no weights to export: it exports no "

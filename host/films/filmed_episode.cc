@@ -114,8 +114,12 @@ Picture SceneOf(Environment* environment, const std::string& name, std::uint32_t
   scene.width = static_cast<int>(width);
   scene.height = static_cast<int>(height);
   scene.rgb.resize(std::size_t{width} * height * 3);
-  const Status status = environment->Render({.width = width, .height = height, .camera = camera},
-                                            {scene.rgb.data(), scene.rgb.size()});
+  auto* rendering = ExtensionOf<Rendering>(environment);
+  const Status status =
+      rendering == nullptr
+          ? Error(StatusCode::kUnimplemented, "it does not offer '%s'", Rendering::kName)
+          : rendering->Render({.width = width, .height = height, .camera = camera},
+                              {scene.rgb.data(), scene.rgb.size()});
   if (!status.ok()) {
     throw Failure(ExitCode::kPluginRefused,
                   "environment '" + name + "' draws no picture: " + status.message);

@@ -1,8 +1,6 @@
 #include "host/plugins/descriptor_check.h"
 
-#include <cinttypes>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <set>
 #include <string>
@@ -21,34 +19,10 @@ class Checker {
 
   [[noreturn]] void Refuse(const std::string& message) const { RefusePlugin(file_, message); }
 
-  void CheckHeader(const PluginDescriptor& plugin) const {
-    // The order is that of the fields: each check makes the next field readable.
-    if (plugin.magic != kPluginMagic) {
-      Expect("the magic number", Hex(kPluginMagic), Hex(plugin.magic));
-    }
-    const std::string version = SdkVersion(plugin.sdk_major, plugin.sdk_minor);
-    if (plugin.sdk_major != DREAMSEARCH_SDK_MAJOR || plugin.sdk_minor != DREAMSEARCH_SDK_MINOR) {
-      Expect("SDK version", SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR), version);
-    }
-    if (plugin.struct_size != sizeof(PluginDescriptor)) {
-      Expect("a descriptor of SDK " + version + " with",
-             std::to_string(sizeof(PluginDescriptor)) + " bytes",
-             std::to_string(plugin.struct_size) + " bytes");
-    }
-    if (plugin.interface_revision != kInterfaceRevision) {
-      Expect("interface revision", std::to_string(kInterfaceRevision),
-             std::to_string(plugin.interface_revision));
-    }
-    if (plugin.layout_tag != LayoutTag()) {
-      Expect("layout tag", Hex(LayoutTag()), Hex(plugin.layout_tag));
-    }
-  }
-
   void CheckContents(const PluginDescriptor& plugin) const {
     CheckText("the plugin's name", plugin.name, true);
     CheckText("the plugin's version", plugin.version, true);
     if (plugin.components.size == 0) Refuse("expected at least one component, found none");
-    CheckView("the components", plugin.components.data, plugin.components.size);
     std::set<std::pair<ComponentKind, std::string>> names;
     for (std::uint64_t i = 0; i < plugin.components.size; ++i) {
       const ComponentDescriptor& component = plugin.components[i];
@@ -80,36 +54,10 @@ class Checker {
     }
   }
 
-  static constexpr std::uint64_t kMostEntries = 10000;
   static constexpr std::size_t kLongestText = 10000;
 
-  static std::string Hex(std::uint64_t value) {
-    char text[24];
-    std::snprintf(text, sizeof text, "0x%016" PRIx64, value);
-    return text;
-  }
-  static std::string SdkVersion(std::uint32_t major, std::uint32_t minor) {
-    return std::to_string(major) + "." + std::to_string(minor);
-  }
   static std::vector<std::string> AliasList(const ComponentDescriptor& component) {
     return Split(component.aliases);
-  }
-
-  [[noreturn]] void Expect(const std::string& what, const std::string& expected,
-                           const std::string& found) const {
-    Refuse("expected " + what + " " + expected + ", found " + found +
-           "; rebuild the plugin against this SDK (" +
-           SdkVersion(DREAMSEARCH_SDK_MAJOR, DREAMSEARCH_SDK_MINOR) + ")");
-  }
-
-  void CheckView(const std::string& what, const void* data, std::uint64_t size) const {
-    if (size > kMostEntries) {
-      Refuse(what + ": expected at most " + std::to_string(kMostEntries) + " entries, found " +
-             std::to_string(size));
-    }
-    if (size > 0 && data == nullptr) {
-      Refuse(what + ": found " + std::to_string(size) + " entries at a null address");
-    }
   }
 
   // One line of UTF-8 without control characters.
@@ -180,7 +128,6 @@ class Checker {
     CheckText(what + "'s version", component.version, true);
     CheckText(what + "'s summary", component.summary, true);
 
-    CheckView(what + "'s parameters", component.parameters.data, component.parameters.size);
     std::set<std::string> names;
     for (const ParameterSpec& parameter : component.parameters) {
       CheckName("a parameter of " + what, parameter.name);
@@ -189,7 +136,6 @@ class Checker {
       }
       CheckParameter(what + ", parameter '" + parameter.name + "'", parameter);
     }
-    CheckView(what + "'s metrics", component.metrics.data, component.metrics.size);
     names.clear();
     for (const MetricSpec& metric : component.metrics) {
       CheckName("a metric of " + what, metric.name);
@@ -218,7 +164,6 @@ class Checker {
   // That there are such parameters and that they may have such values is known where runs are
   // resolved.
   void CheckRunPresets(const std::string& what, const ComponentDescriptor& component) const {
-    CheckView(what + "'s run presets", component.run_presets.data, component.run_presets.size);
     if (component.run_presets.size > 0 && component.kind == ComponentKind::kPlanner) {
       Refuse(what + ": run presets are for models and environments, found " +
              std::to_string(component.run_presets.size) + " on a " +
@@ -362,11 +307,12 @@ void RefusePlugin(const std::filesystem::path& file, const std::string& message)
   throw Failure(ExitCode::kPluginRefused, "plugin " + file.string() + ": " + message);
 }
 
-void CheckPluginDescriptor(const PluginDescriptor* plugin, const std::filesystem::path& file) {
-  const Checker checker(file);
-  if (plugin == nullptr) checker.Refuse("its entry returned no descriptor");
-  checker.CheckHeader(*plugin);
-  checker.CheckContents(*plugin);
+std::string SdkVersionText() {
+  return std::to_string(DREAMSEARCH_SDK_MAJOR) + "." + std::to_string(DREAMSEARCH_SDK_MINOR);
+}
+
+void CheckDeclarations(const PluginDescriptor& plugin, const std::filesystem::path& file) {
+  Checker(file).CheckContents(plugin);
 }
 
 }  // namespace dreamsearch

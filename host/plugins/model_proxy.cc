@@ -17,6 +17,8 @@ std::uint64_t FirstNotFinite(const double* data, std::uint64_t size) {
 
 ModelProxy::ModelProxy(LatentModel* model, std::string name, bool searches)
     : model_(model),
+      spread_(ExtensionOf<ValueSpread>(model)),
+      gradient_(ExtensionOf<ReturnGradient>(model)),
       name_(std::move(name)),
       searches_(searches),
       latent_bytes_(model->latent_bytes()),
@@ -31,12 +33,14 @@ Status ModelProxy::KeepFailure(const char* call, const Status& status) noexcept 
   return Keep(Error(status.code, "model '%s' %s: %s", name_.c_str(), call, status.message));
 }
 
+Status ModelProxy::NotDeclared(const char* call) const noexcept {
+  return Error(StatusCode::kFailedPrecondition,
+               "model '%s': %s was called by a planner that does not declare kSearches",
+               name_.c_str(), call);
+}
+
 Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept {
-  if (!searches_) {
-    return Keep(Error(StatusCode::kFailedPrecondition,
-                      "model '%s': Imagine was called by a planner that does not declare kSearches",
-                      name_.c_str()));
-  }
+  if (!searches_) return Keep(NotDeclared("Imagine"));
   const std::uint64_t rows = request.latents.rows;
   if (request.latents.cols != latent_bytes_ || request.actions.rows != rows ||
       request.actions.cols != action_size_ || request.seeds.size != rows ||
@@ -66,27 +70,70 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
   return OkStatus();
 }
 
-Status ModelProxy::Value(ConstLatents latents, const ValueResult& result) noexcept {
-  if (latents.cols != latent_bytes_ || !HasRoom(result, latents.rows)) {
+Status ModelProxy::KeepUnlessFinite(const char* what, View<const double> values) noexcept {
+  const std::uint64_t i = FirstNotFinite(values.data, values.size);
+  if (i == values.size) return OkStatus();
+  return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g is not finite", name_.c_str(), what,
+                    values[i]));
+}
+
+Status ModelProxy::Value(ConstLatents latents, View<double> values) noexcept {
+  if (latents.cols != latent_bytes_ || values.size != latents.rows) {
     return Keep(Error(StatusCode::kInvalidArgument,
                       "model '%s': Value of %llu latents was given views of other sizes",
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
-  const Status status = model_->Value(latents, result);
+  const Status status = model_->Value(latents, values);
   if (!status.ok()) return KeepFailure("Value", status);
-  const struct {
-    const char* what;
-    View<double> values;
-  } answers[] = {{"value", result.values},
-                 {"deviation of a value", result.deviations},
-                 {"least value", result.least}};
-  for (const auto& [what, values] : answers) {
-    if (const std::uint64_t i = FirstNotFinite(values.data, values.size); i != values.size) {
-      return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g is not finite", name_.c_str(),
-                        what, values[i]));
-    }
+  return KeepUnlessFinite("value", values);
+}
+
+void* ModelProxy::Extension(const char* name) noexcept {
+  void* own = Offers::Extension(name);
+  if (own == static_cast<ValueSpread*>(this) && spread_ == nullptr) return nullptr;
+  if (own == static_cast<ReturnGradient*>(this) && gradient_ == nullptr) return nullptr;
+  return own;
+}
+
+Status ModelProxy::Spread(ConstLatents latents, const SpreadResult& request) noexcept {
+  const SpreadResult result = Received(request);
+  if (latents.cols != latent_bytes_ || !HasRoom(result, latents.rows)) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': Spread of %llu latents was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
-  return OkStatus();
+  Status status = spread_->Spread(latents, result);
+  if (!status.ok()) return KeepFailure("Spread", status);
+  status = KeepUnlessFinite("value", result.values);
+  if (status.ok()) status = KeepUnlessFinite("deviation of a value", result.deviations);
+  if (status.ok()) status = KeepUnlessFinite("least value", result.least);
+  return status;
+}
+
+Status ModelProxy::Gradient(const GradientRequest& asked, const GradientResult& room) noexcept {
+  if (!searches_) return Keep(NotDeclared("Gradient"));
+  const GradientRequest request = Received(asked);
+  const GradientResult result = Received(room);
+  const std::uint64_t rows = request.latents.rows, steps = request.actions.rows;
+  if (request.latents.cols != latent_bytes_ || rows == 0 || steps == 0 || steps % rows != 0 ||
+      request.actions.cols != action_size_ || request.seeds.size != steps ||
+      result.returns.size != rows || result.gradients.rows != steps ||
+      result.gradients.cols != action_size_) {
+    return Keep(Error(StatusCode::kInvalidArgument,
+                      "model '%s': Gradient of %llu sequences was given views of other sizes",
+                      name_.c_str(), static_cast<unsigned long long>(rows)));
+  }
+  if (FirstNotFinite(request.actions.data, request.actions.size()) != request.actions.size()) {
+    return Keep(Error(StatusCode::kNotFinite,
+                      "model '%s': Gradient was asked about an action that is not finite",
+                      name_.c_str()));
+  }
+  transitions_ += steps;
+  Status status = gradient_->Gradient(request, result);
+  if (!status.ok()) return KeepFailure("Gradient", status);
+  status = KeepUnlessFinite("imagined return", result.returns);
+  if (!status.ok()) return status;
+  return KeepUnlessFinite("gradient of a return", {result.gradients.data, result.gradients.size()});
 }
 
 Status ModelProxy::ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept {

@@ -12,16 +12,20 @@
 
 namespace dreamsearch {
 
-class ModelProxy final : public LatentModel {
+class ModelProxy final : public Offers<LatentModel, ValueSpread, ReturnGradient> {
  public:
-  // `name` is the model's, for messages. The model must outlive the proxy. Imagine is a
-  // fault unless the planner declares that it searches.
+  // `name` is the model's, for messages. The model must outlive the proxy. Imagine and Gradient
+  // are faults unless the planner declares that it searches.
   ModelProxy(LatentModel* model, std::string name, bool searches);
 
   std::uint64_t latent_bytes() const noexcept override { return latent_bytes_; }
   std::uint64_t action_size() const noexcept override { return action_size_; }
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept override;
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override;
+  Status Value(ConstLatents latents, View<double> values) noexcept override;
+  // Offered where the model offers them.
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept override;
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept override;
+  void* Extension(const char* name) noexcept override;
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override;
   Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept override;
@@ -36,7 +40,12 @@ class ModelProxy final : public LatentModel {
   // A call that the model itself refused, with its name.
   Status KeepFailure(const char* call, const Status& status) noexcept;
 
+  Status NotDeclared(const char* call) const noexcept;
+  Status KeepUnlessFinite(const char* what, View<const double> values) noexcept;
+
   LatentModel* model_;
+  ValueSpread* spread_;       // of the model, or null
+  ReturnGradient* gradient_;  // likewise
   std::string name_;
   bool searches_;
   std::uint64_t latent_bytes_;

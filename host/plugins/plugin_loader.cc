@@ -4,6 +4,7 @@
 #include <cfenv>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -18,6 +19,7 @@
 #include "host/plugins/description.h"
 #include "host/plugins/descriptor_check.h"
 #include "host/plugins/elf.h"
+#include "host/plugins/received_plugin.h"
 #include "results/system/error.h"
 #include "results/text/names.h"
 
@@ -72,20 +74,22 @@ class FloatingPointGuard {
 #endif
 };
 
-// The symbol a library built against another major version would export.
+// The entry of a library built against another SDK: of another major version, or before 1.0.
 std::string OtherEntry(const boost::dll::shared_library& library) {
   constexpr int kMostVersions = 100;
-  for (int version = 0; version < kMostVersions; ++version) {
-    std::string symbol = "dreamsearch_plugin_v" + std::to_string(version);
-    if (library.has(symbol)) return symbol;
+  for (const char* name : {"dreamsearch_sdk_", "dreamsearch_plugin_v"}) {
+    for (int version = 0; version < kMostVersions; ++version) {
+      std::string symbol = name + std::to_string(version);
+      if (library.has(symbol)) return symbol;
+    }
   }
   return "";
 }
 
 struct LoadedPlugin {
   boost::dll::shared_library library;
-  const PluginDescriptor* descriptor = nullptr;  // null until it was checked
-  std::optional<Failure> refusal;                // a second load gives the same answer
+  std::unique_ptr<const ReceivedPlugin> received;  // null until it was checked
+  std::optional<Failure> refusal;                  // a second load gives the same answer
 };
 
 // The dynamic loader's own sentence out of Boost's "... (dlerror system message:
@@ -118,27 +122,23 @@ boost::dll::shared_library LoadLibrary(const std::string& path, const FloatingPo
   return library;
 }
 
-const PluginDescriptor* CheckedDescriptor(const boost::dll::shared_library& library,
-                                          const std::string& path) {
+std::unique_ptr<const ReceivedPlugin> CheckedPlugin(const boost::dll::shared_library& library,
+                                                    const std::string& path) {
   if (!library.has(kPluginEntrySymbol)) {
-    if (library.has(kRetiredEntrySymbol)) {
-      RefusePlugin(path, std::string("expected the symbol ") + kPluginEntrySymbol + " of SDK " +
-                             std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
-                             std::to_string(DREAMSEARCH_SDK_MINOR) + ", found " +
-                             kRetiredEntrySymbol +
-                             ": it was built before SDK 0.1; rebuild it "
-                             "against this SDK");
-    }
     const std::string other = OtherEntry(library);
+    const bool old = other.starts_with("dreamsearch_plugin_");
     RefusePlugin(
-        path,
-        std::string("expected the symbol ") + kPluginEntrySymbol + ", found " +
-            (other.empty() ? "no dreamsearch_plugin_*: it is not a dreamsearch plugin"
-                           : other + " of another SDK major version; rebuild it against this SDK"));
+        path, std::string("expected the symbol ") + kPluginEntrySymbol + ", found " +
+                  (other.empty() ? "none of the kind: it is not a dreamsearch plugin"
+                                 : other +
+                                       (old ? ": it was built before SDK 1.0"
+                                            : " of another major version of the SDK") +
+                                       "; rebuild it against this SDK (" + SdkVersionText() + ")"));
   }
-  const PluginDescriptor* descriptor = library.get<const PluginDescriptor*()>(kPluginEntrySymbol)();
-  CheckPluginDescriptor(descriptor, path);
-  return descriptor;
+  auto received = std::make_unique<const ReceivedPlugin>(
+      library.get<const PluginDescriptor*()>(kPluginEntrySymbol)(), path);
+  CheckDeclarations(received->plugin(), path);
+  return received;
 }
 
 }  // namespace
@@ -153,17 +153,17 @@ const PluginDescriptor& LoadPlugin(const std::filesystem::path& file) {
   const std::string path = std::filesystem::canonical(file).string();
   LoadedPlugin& plugin = loaded[path];
   if (plugin.refusal) throw *plugin.refusal;
-  if (plugin.descriptor == nullptr) {
+  if (plugin.received == nullptr) {
     const FloatingPointGuard guard;
     try {
       plugin.library = LoadLibrary(path, guard);
-      plugin.descriptor = CheckedDescriptor(plugin.library, path);
+      plugin.received = CheckedPlugin(plugin.library, path);
     } catch (const Failure& error) {
       plugin.refusal = error;
       throw;
     }
   }
-  return *plugin.descriptor;
+  return plugin.received->plugin();
 }
 
 const ComponentDescriptor& FindComponent(const PluginDescriptor& plugin, ComponentKind kind,

@@ -17,9 +17,9 @@
 
 namespace dreamsearch {
 
-// Loads the library once and returns its checked descriptor: version, layout
-// tag, interface revision and every declaration hold before this returns, and no
-// function of a component has been called. The floating-point modes of the
+// Loads the library once and returns its checked descriptor, as this SDK version knows it:
+// version, sizes and every declaration hold before this returns, and no function of a
+// component has been called. The floating-point modes of the
 // calling thread are as they were.
 //   kNotFound, kPermission  see CheckSharedLibrary.
 //   kPluginRefused          not a library, not a plugin, of another SDK, with a

@@ -149,6 +149,7 @@ class Resolver {
             spec.run = runs_[i * models_.size() + j];
             spec.seed = seed;
             if (!options.evaluate) CheckSearchTargets(spec);
+            CheckGradients(spec);
             runs.push_back(std::move(spec));
           }
         }
@@ -385,6 +386,18 @@ class Resolver {
                   "--steps: expected a multiple of run.action_repeat = " + std::to_string(repeat) +
                       " such as " + std::to_string(below == 0 ? repeat : below) + ", found " +
                       std::to_string(steps));
+  }
+
+  // That who plans with the model's gradients has a model that gives them.
+  void CheckGradients(const RunSpec& spec) const {
+    if (spec.model.Has(kGivesGradients)) return;
+    for (const ResolvedComponent* planner : {&spec.planner, &spec.eval_planner}) {
+      if (!planner->Has(kNeedsGradients)) continue;
+      throw Failure(ExitCode::kUsage,
+                    "planner '" + planner->name() + "': expected a model that gives gradients of " +
+                        "imagined returns, found '" + spec.model.name() + "'. Known: " +
+                        JoinNames(catalogue_.NamesOf(ComponentKind::kModel, kGivesGradients)));
+    }
   }
 
   // That those who are to teach and to learn from searches can.

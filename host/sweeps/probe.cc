@@ -145,9 +145,10 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   }
   if (spec.model.Has(kLearns)) {
     costs.update = SecondsOf(0.5, [&] {
+      const SequenceBatch batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
+      if (reanalysis != nullptr) reanalysis->Renew(batch, update, 0, &replay);
       TrainRequest request;
-      request.batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
-      if (reanalysis != nullptr) reanalysis->Renew(request.batch, update, 0, &replay);
+      request.batch = &batch;
       request.seed = update;
       request.update = update++;
       ThrowUnlessOk(model->Train(request, {metrics.data(), metrics.size()}),

@@ -316,14 +316,15 @@ void Experiment::AdjustThreads() {
 
 void Experiment::MakeUpdate() {
   const ActivityScope scope(&clock_, Activity::kLearning);
-  TrainRequest request;
-  request.batch = replay_.Sample(
+  const SequenceBatch batch = replay_.Sample(
       spec_.run.Integer("batch_size"), spec_.run.Integer("sequence_length"),
       SeedFor(spec_.seed, SeedUse::kReplay, EpisodePurpose::kTraining, at_.updates, 0));
   if (reanalysis_ != nullptr) {
     const ActivityScope planning(&clock_, Activity::kPlanning);
-    reanalysis_->Renew(request.batch, at_.updates, at_.env_step, &replay_);
+    reanalysis_->Renew(batch, at_.updates, at_.env_step, &replay_);
   }
+  TrainRequest request;
+  request.batch = &batch;
   request.seed = SeedFor(spec_.seed, SeedUse::kTrain, EpisodePurpose::kTraining, at_.updates, 0);
   request.update = at_.updates;
   request.environment_step = at_.env_step;

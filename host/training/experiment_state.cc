@@ -172,9 +172,10 @@ void Experiment::SaveEpisode(StateWriter* part) const {
   (*part)("actions", &episode_actions_);
   (*part)("plan_us", &plan_us_);
   (*part)("metric_sums", &episode_metrics_);
-  std::vector<std::byte> state(environment_->spec().state_bytes);
+  auto* saving = ExtensionOf<StateSaving>(environment_.get());
+  std::vector<std::byte> state(saving != nullptr ? saving->state_bytes() : 0);
   if (!state.empty()) {
-    ThrowUnlessOk(environment_->SaveState({state.data(), state.size()}),
+    ThrowUnlessOk(saving->SaveState({state.data(), state.size()}),
                   "environment '" + spec_.environment.name() + "' SaveState");
   }
   (*part)("environment_state", &state);
@@ -241,10 +242,11 @@ void Experiment::LoadEpisode(StateReader* part) {
   }
   (*part)("plan_us", &plan_us_);
   part->Array("metric_sums", episode_metrics_.data(), episode_metrics_.size());
-  std::vector<std::byte> state(environment_->spec().state_bytes);
+  auto* saving = ExtensionOf<StateSaving>(environment_.get());
+  std::vector<std::byte> state(saving != nullptr ? saving->state_bytes() : 0);
   part->Array("environment_state", state.data(), state.size());
   if (!state.empty()) {
-    ThrowUnlessOk(environment_->RestoreState({state.data(), state.size()}),
+    ThrowUnlessOk(saving->RestoreState({state.data(), state.size()}),
                   "environment '" + spec_.environment.name() + "' RestoreState");
   } else {
     // No saved state: live the episode again. The same seed and actions give the

@@ -118,12 +118,9 @@ void Reanalysis::Renew(const SequenceBatch& batch, std::uint64_t update,
       if (i >= count) return;
       Seat& seat = seats_[i];
       const std::uint64_t row = chosen_[first + i];
-      seat.result = PlanResult();
-      seat.result.action = {seat.action.data(), seat.action.size()};
-      seat.result.metrics = {seat.metrics.data(), seat.metrics.size()};
-      seat.result.policy_actions = {seat.policy_actions.data(), seat.policy_weights.size(),
-                                    seat.action.size()};
-      seat.result.policy_weights = {seat.policy_weights.data(), seat.policy_weights.size()};
+      PlanResult& result = seat.result.emplace();
+      result.action = {seat.action.data(), seat.action.size()};
+      result.metrics = {seat.metrics.data(), seat.metrics.size()};
       PlanRequest request;
       request.root = roots_.row(first + i);
       request.explore = true;
@@ -131,16 +128,19 @@ void Reanalysis::Renew(const SequenceBatch& batch, std::uint64_t update,
       request.decision = replay->DecisionOf(row);
       request.environment_step = environment_step;
       seat.status = seat.planner->BeginEpisode(seat.proxy.get());
-      if (seat.status.ok()) seat.status = seat.planner->Plan(request, &seat.result);
+      if (seat.status.ok()) seat.status = seat.planner->Plan(request, &result);
+      if (!seat.status.ok()) return;
+      seat.status = ExtensionOf<PolicyReporting>(seat.planner.get())
+                        ->ReportPolicy(seat.policy(), seat.weights());
     });
     const std::string who = planner_text_ + " Plan of a sampled state";
     for (std::uint64_t i = 0; i < count; ++i) {
-      const Seat& seat = seats_[i];
+      Seat& seat = seats_[i];
       ThrowUnlessOk(seat.proxy->fault(), who);
       ThrowUnlessOk(seat.status, who);
-      CheckPlanned(planner_text_, replay->DecisionOf(chosen_[first + i]), seat.result);
-      replay->RenewSearch(chosen_[first + i], {seat.result.policy_actions,
-                                               seat.result.policy_weights, seat.result.value});
+      CheckPlanned(planner_text_, replay->DecisionOf(chosen_[first + i]), *seat.result);
+      CheckPolicy(planner_text_, seat.policy(), seat.weights());
+      replay->RenewSearch(chosen_[first + i], {seat.policy(), seat.weights(), seat.result->value});
     }
   }
 }

@@ -15,6 +15,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,8 +47,13 @@ class Reanalysis {
     std::unique_ptr<ModelProxy> proxy;
     PlannerPtr planner;
     std::vector<double> action, metrics, policy_actions, policy_weights;
-    PlanResult result;
+    std::optional<PlanResult> result;
     Status status;
+
+    MatrixView<double> policy() {
+      return {policy_actions.data(), policy_weights.size(), action.size()};
+    }
+    View<double> weights() { return {policy_weights.data(), policy_weights.size()}; }
   };
 
   void Choose(std::uint64_t rows, std::uint64_t update);

@@ -33,7 +33,7 @@ constexpr auto MakeComponents(std::index_sequence<I...>) {
                           .aliases = kTasks[I].aliases,
                           .version = "1.0.0",
                           .summary = kTasks[I].summary,
-                          .parameters = ViewOf(mujoco::kVariationParameters),
+                          .parameters = mujoco::kVariationSettings.declared(),
                           .create_environment = Create<I>}...};
 }
 

@@ -3,72 +3,57 @@
 
 #include <exception>
 
+#include "dreamsearch/settings.h"
 #include "plugins/env_gym/python_environment.h"
 
 namespace dreamsearch::gym {
 namespace {
 
-constexpr ParameterSpec Interpreter() {
-  return TextParameter("python", "python3",
-                       "The Python that has the environment's packages: a path, such as "
-                       "/home/me/venv/bin/python, or a name in PATH.");
-}
-constexpr ParameterSpec Arguments() {
-  return TextParameter("arguments", "{}",
-                       "Keyword arguments of the environment, a JSON object such as "
-                       "{\"g\": 9.8}.");
-}
-constexpr ParameterSpec EpisodeSteps() {
-  return IntParameter("episode_steps", 0, 0, 1000000, "environment steps",
-                      "Time limit of an episode; 0: the environment's own, or 1000 if it has "
-                      "none.");
-}
+using Settings = PythonEnvironmentSettings;
 
-constexpr ParameterSpec ActionLow() {
-  return RealParameter("action_low", 0, -1e6, 1e6, "",
-                       "Least value of each action that the environment does not bound; used if "
-                       "it is below action_high.");
-}
-constexpr ParameterSpec ActionHigh() {
-  return RealParameter("action_high", 0, -1e6, 1e6, "", "The largest value of such actions.");
-}
+constexpr auto kInterpreter = Bind<&Settings::interpreter>(
+    TextParameter("python", "python3",
+                  "The Python that has the environment's packages: a path, such as "
+                  "/home/me/venv/bin/python, or a name in PATH."));
+constexpr auto kArguments = Bind<&Settings::arguments>(
+    TextParameter("arguments", "{}",
+                  "Keyword arguments of the environment, a JSON object such as {\"g\": 9.8}."));
+constexpr auto kEpisodeSteps = Bind<&Settings::episode_steps>(
+    IntParameter("episode_steps", 0, 0, 1000000, "environment steps",
+                 "Time limit of an episode; 0: the environment's own, or 1000 if it has none."));
+constexpr auto kActionLow = Bind<&Settings::action_low>(
+    RealParameter("action_low", 0, -1e6, 1e6, "",
+                  "Least value of each action that the environment does not bound; used if it is "
+                  "below action_high."));
+constexpr auto kActionHigh = Bind<&Settings::action_high>(
+    RealParameter("action_high", 0, -1e6, 1e6, "", "The largest value of such actions."));
 
 // These environments repeat actions themselves where they want to.
 constexpr RunPreset kRunPresets[] = {{"action_repeat", "fast", 1}, {"action_repeat", "paper", 1}};
 
-constexpr ParameterSpec kGymParameters[] = {
-    TextParameter("id", "",
-                  "What to play: a registered name such as Hopper-v5; or, with `module`, the name "
-                  "of a class there."),
-    PathParameter("module", ".py",
-                  "A module that defines the class `id`: the path of a .py file, or a dotted "
-                  "name; \"\" for what is registered with Gymnasium."),
-    Interpreter(),
-    Arguments(),
-    EpisodeSteps(),
-    ActionLow(),
-    ActionHigh(),
-};
+constexpr auto kGymSettings = BindSettings<Settings>(
+    Bind<&Settings::id>(TextParameter(
+        "id", "",
+        "What to play: a registered name such as Hopper-v5; or, with `module`, the name of a "
+        "class there.")),
+    Bind<&Settings::module>(PathParameter(
+        "module", ".py",
+        "A module that defines the class `id`: the path of a .py file, or a dotted name; \"\" for "
+        "what is registered with Gymnasium.")),
+    kInterpreter, kArguments, kEpisodeSteps, kActionLow, kActionHigh);
 
-constexpr ParameterSpec kSuiteParameters[] = {
-    TextParameter("id", "", "The task: domain-task, such as walker-walk."),
-    Interpreter(),
-    Arguments(),
-    EpisodeSteps(),
-    ActionLow(),
-    ActionHigh(),
-};
+constexpr auto kSuiteSettings = BindSettings<Settings>(
+    Bind<&Settings::id>(TextParameter("id", "", "The task: domain-task, such as walker-walk.")),
+    kInterpreter, kArguments, kEpisodeSteps, kActionLow, kActionHigh);
 
-Status Make(PythonEnvironmentSettings settings, const Parameters& parameters,
+template <typename Table>
+Status Make(const char* kind, const Table& table, const EnvironmentContext& context,
             Environment** result) noexcept {
   *result = nullptr;
+  Settings settings;
   try {
-    settings.id = parameters.GetText("id");
-    settings.interpreter = parameters.GetText("python");
-    settings.arguments = parameters.GetText("arguments");
-    settings.episode_steps = static_cast<std::uint32_t>(parameters.GetInt("episode_steps"));
-    settings.action_low = parameters.GetReal("action_low");
-    settings.action_high = parameters.GetReal("action_high");
+    settings = table.Read(context.parameters);
+    settings.kind = kind;
     if (settings.id.empty()) {
       return Error(StatusCode::kInvalidArgument,
                    "expected the environment's name in the setting 'id', found nothing");
@@ -81,17 +66,11 @@ Status Make(PythonEnvironmentSettings settings, const Parameters& parameters,
 }
 
 Status MakeGym(const EnvironmentContext& context, Environment** result) noexcept {
-  const Parameters& parameters = context.parameters;
-  PythonEnvironmentSettings settings;
-  settings.kind = "gym";
-  settings.module = parameters.GetText("module");
-  return Make(std::move(settings), parameters, result);
+  return Make("gym", kGymSettings, context, result);
 }
 
 Status MakeSuite(const EnvironmentContext& context, Environment** result) noexcept {
-  PythonEnvironmentSettings settings;
-  settings.kind = "dm";
-  return Make(std::move(settings), context.parameters, result);
+  return Make("dm", kSuiteSettings, context, result);
 }
 
 constexpr ComponentDescriptor kComponents[] = {
@@ -99,7 +78,7 @@ constexpr ComponentDescriptor kComponents[] = {
      .name = "gym",
      .version = "1.0.0",
      .summary = "any environment of the Gymnasium interface, in a Python process",
-     .parameters = ViewOf(kGymParameters),
+     .parameters = kGymSettings.declared(),
      .run_presets = ViewOf(kRunPresets),
      .task_parameter = "id",
      .create_environment = MakeGym},
@@ -107,7 +86,7 @@ constexpr ComponentDescriptor kComponents[] = {
      .name = "dm",
      .version = "1.0.0",
      .summary = "a task of Python's dm_control.suite, in a Python process",
-     .parameters = ViewOf(kSuiteParameters),
+     .parameters = kSuiteSettings.declared(),
      .run_presets = ViewOf(kRunPresets),
      .task_parameter = "id",
      .create_environment = MakeSuite},

@@ -83,10 +83,9 @@ PythonEnvironment::PythonEnvironment(const PythonEnvironmentSettings& settings)
   }
   spec_.ingredients = {ingredients_.data(), ingredients_.size()};
   spec_.terminates = settings.kind == "gym";
-  spec_.state_bytes =
-      sizeof(StateHeader) + (own_state_bytes_ != 0
-                                 ? own_state_bytes_
-                                 : spec_.episode_steps * spec_.action_size * sizeof(double));
+  state_bytes_ = sizeof(StateHeader) +
+                 (own_state_bytes_ != 0 ? own_state_bytes_
+                                        : spec_.episode_steps * spec_.action_size * sizeof(double));
   actions_.reserve(spec_.episode_steps * spec_.action_size);
 }
 
@@ -139,7 +138,9 @@ Status PythonEnvironment::Advance(View<const double> action, View<double> observ
   ++steps_;
   actions_.insert(actions_.end(), action.begin(), action.end());
   running_ = !given.terminated && !given.truncated && steps_ < spec_.episode_steps;
-  *result = {given.reward, given.terminated ? 0.0 : 1.0, !running_};
+  result->reward = given.reward;
+  result->discount = given.terminated ? 0 : 1;
+  result->last = !running_;
   Status status = Observe(answer.substr(StepAnswer::kSize), observation);
   if (status.ok() && !std::isfinite(given.reward)) {
     status = Error(StatusCode::kDiverged, "%s: step %u: the reward is %g", settings_.id.c_str(),
@@ -174,9 +175,9 @@ Status PythonEnvironment::Step(View<const double> action, View<double> observati
 }
 
 Status PythonEnvironment::SaveState(View<std::byte> state) const noexcept {
-  if (state.size != spec_.state_bytes) {
+  if (state.size != state_bytes_) {
     return Error(StatusCode::kInvalidArgument, "%s: SaveState: expected %llu bytes, got %llu",
-                 settings_.id.c_str(), static_cast<unsigned long long>(spec_.state_bytes),
+                 settings_.id.c_str(), static_cast<unsigned long long>(state_bytes_),
                  static_cast<unsigned long long>(state.size));
   }
   std::memset(state.data, 0, state.size);
@@ -203,8 +204,8 @@ Status PythonEnvironment::SaveState(View<std::byte> state) const noexcept {
 
 Status PythonEnvironment::RestoreState(View<const std::byte> state) noexcept {
   StateHeader header;
-  if (state.size == spec_.state_bytes) std::memcpy(&header, state.data, sizeof header);
-  if (state.size != spec_.state_bytes || header.magic != kStateMagic ||
+  if (state.size == state_bytes_) std::memcpy(&header, state.data, sizeof header);
+  if (state.size != state_bytes_ || header.magic != kStateMagic ||
       header.steps > spec_.episode_steps) {
     return Error(StatusCode::kDataLoss, "%s: the bytes are no saved state", settings_.id.c_str());
   }

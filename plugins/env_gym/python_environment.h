@@ -23,7 +23,7 @@ struct PythonEnvironmentSettings {
   std::uint32_t episode_steps = 0;  // time limit; 0: the environment's own, or 1,000
 };
 
-class PythonEnvironment final : public Environment {
+class PythonEnvironment final : public Offers<Environment, StateSaving, Rendering> {
  public:
   // Starts the interpreter and makes the environment. What goes wrong is thrown: ProcessError,
   // EnvironmentError, std::invalid_argument.
@@ -35,6 +35,7 @@ class PythonEnvironment final : public Environment {
               StepResult* result) noexcept override;
   // By the environment's own save_state and restore_state, if it has them; else a state is the
   // episode's seed and actions, and going to it plays them again.
+  std::uint64_t state_bytes() const noexcept override { return state_bytes_; }
   Status SaveState(View<std::byte> state) const noexcept override;
   Status RestoreState(View<const std::byte> state) noexcept override;
   Status Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept override;
@@ -61,6 +62,7 @@ class PythonEnvironment final : public Environment {
   std::string notice_;
   std::vector<double> low_, high_;
   std::uint64_t own_state_bytes_ = 0;  // 0: states are replayed
+  std::uint64_t state_bytes_ = 0;
 
   bool running_ = false;
   std::uint32_t seed_ = 0;

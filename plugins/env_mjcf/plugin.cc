@@ -1,9 +1,9 @@
 // plugin.cc - the component `mjcf`, or on MuJoCo 3 `mjcf3`: the user's own model as a task.
 #include "dreamsearch/plugin.h"
 
+#include <algorithm>
 #include <array>
 #include <exception>
-#include <iterator>
 #include <memory>
 
 #include "plugins/env_mjcf/model_task.h"
@@ -12,77 +12,73 @@
 namespace dreamsearch::mjcf {
 namespace {
 
-constexpr ParameterSpec kTaskParameters[] = {
-    TextParameter("task", "",
-                  "What the task is called, as in " DREAMSEARCH_MJCF_COMPONENT ":NAME."),
-    PathParameter("model", "",
-                  "The model, an MJCF or URDF file. It may include files and name assets in its "
-                  "own folder and below."),
-    TextParameter("actuators", "",
-                  "The actuators that actions drive, by name, separated by commas; \"\" for all. "
-                  "Others keep the keyframe's control, or 0."),
-    TextParameter("observation", "",
-                  "What is observed: expressions separated by commas, such as position(hip), "
-                  "sensor(gyro), body(torso).z; \"\" for positions, velocities, sensors."),
-    TextParameter("reward", "",
-                  "The reward of a control step: an expression, such as tolerance(body(torso).z, "
-                  "lower=1.2, margin=0.6) * tolerance(control(knee), margin=1)."),
-    TextParameter("terminate", "",
-                  "Conditions separated by commas, such as body(torso).z < 0.8; where one holds, "
-                  "the episode ends in a terminal state."),
-    TextParameter("keyframe", "",
-                  "The model's keyframe that episodes begin in; \"\" for its reference pose."),
-    BoolParameter("randomise_joints", false,
-                  "Begin with every limited joint uniformly within its range and every unlimited "
-                  "hinge at any angle."),
-    RealParameter("position_noise", 0, 0, 100, "rad, m",
-                  "Standard deviation of normal noise on every joint's first position; limits are "
-                  "kept."),
-    RealParameter("velocity_noise", 0, 0, 1000, "rad/s, m/s",
-                  "Standard deviation of normal noise on every joint's first velocity."),
-    RealParameter("control_step", 0, 0, 10, "s",
-                  "Simulated time of a control step, a multiple of the model's time step; 0: that "
-                  "time step."),
-    IntParameter("episode_steps", 1000, 1, 1000000, "control steps", "Time limit of an episode."),
-    RealParameter("action_low", 0, -1e6, 1e6, "",
-                  "Least control of actuators that the model does not bound; used if it is below "
-                  "action_high."),
-    RealParameter("action_high", 0, -1e6, 1e6, "", "The largest control of such actuators."),
-};
+constexpr auto kTaskSettings = BindSettings<ModelTaskSettings>(
+    Bind<&ModelTaskSettings::name>(TextParameter(
+        "task", "", "What the task is called, as in " DREAMSEARCH_MJCF_COMPONENT ":NAME.")),
+    Bind<&ModelTaskSettings::model>(PathParameter(
+        "model", "",
+        "The model, an MJCF or URDF file. It may include files and name assets in its "
+        "own folder and below.")),
+    Bind<&ModelTaskSettings::actuators>(TextParameter(
+        "actuators", "",
+        "The actuators that actions drive, by name, separated by commas; \"\" for all. "
+        "Others keep the keyframe's control, or 0.")),
+    Bind<&ModelTaskSettings::observation>(
+        TextParameter("observation", "",
+                      "What is observed: expressions separated by commas, such as position(hip), "
+                      "sensor(gyro), body(torso).z; \"\" for positions, velocities, sensors.")),
+    Bind<&ModelTaskSettings::reward>(TextParameter(
+        "reward", "",
+        "The reward of a control step: an expression, such as tolerance(body(torso).z, "
+        "lower=1.2, margin=0.6) * tolerance(control(knee), margin=1).")),
+    Bind<&ModelTaskSettings::terminate>(TextParameter(
+        "terminate", "",
+        "Conditions separated by commas, such as body(torso).z < 0.8; where one holds, "
+        "the episode ends in a terminal state.")),
+    Bind<&ModelTaskSettings::keyframe>(
+        TextParameter("keyframe", "",
+                      "The model's keyframe that episodes begin in; \"\" for its reference pose.")),
+    Bind<&ModelTaskSettings::randomise_joints>(BoolParameter(
+        "randomise_joints", false,
+        "Begin with every limited joint uniformly within its range and every unlimited "
+        "hinge at any angle.")),
+    Bind<&ModelTaskSettings::position_noise>(RealParameter(
+        "position_noise", 0, 0, 100, "rad, m",
+        "Standard deviation of normal noise on every joint's first position; limits are "
+        "kept.")),
+    Bind<&ModelTaskSettings::velocity_noise>(
+        RealParameter("velocity_noise", 0, 0, 1000, "rad/s, m/s",
+                      "Standard deviation of normal noise on every joint's first velocity.")),
+    Bind<&ModelTaskSettings::control_step>(RealParameter(
+        "control_step", 0, 0, 10, "s",
+        "Simulated time of a control step, a multiple of the model's time step; 0: that "
+        "time step.")),
+    Bind<&ModelTaskSettings::episode_steps>(IntParameter(
+        "episode_steps", 1000, 1, 1000000, "control steps", "Time limit of an episode.")),
+    Bind<&ModelTaskSettings::action_low>(RealParameter(
+        "action_low", 0, -1e6, 1e6, "",
+        "Least control of actuators that the model does not bound; used if it is below "
+        "action_high.")),
+    Bind<&ModelTaskSettings::action_high>(
+        RealParameter("action_high", 0, -1e6, 1e6, "", "The largest control of such actuators.")));
 
 constexpr auto Joined() {
-  std::array<ParameterSpec, std::size(kTaskParameters) + std::size(mujoco::kVariationParameters)>
-      all{};
-  std::size_t count = 0;
-  for (const ParameterSpec& spec : kTaskParameters) all[count++] = spec;
-  for (const ParameterSpec& spec : mujoco::kVariationParameters) all[count++] = spec;
+  constexpr View<const ParameterSpec> kTask = kTaskSettings.declared();
+  constexpr View<const ParameterSpec> kVariation = mujoco::kVariationSettings.declared();
+  std::array<ParameterSpec, kTask.size + kVariation.size> all{};
+  std::copy_n(kVariation.data, kVariation.size, std::copy_n(kTask.data, kTask.size, all.begin()));
   return all;
 }
 constexpr auto kParameters = Joined();
 
 Status Make(const EnvironmentContext& context, Environment** result) noexcept {
   *result = nullptr;
-  const Parameters& parameters = context.parameters;
   try {
-    ModelTaskSettings settings;
-    settings.name = parameters.GetText("task");
+    ModelTaskSettings settings = kTaskSettings.Read(context.parameters);
     const std::string component = DREAMSEARCH_MJCF_COMPONENT;
     settings.name = settings.name.empty() ? component : component + ":" + settings.name;
-    settings.model = parameters.GetText("model");
-    settings.actuators = parameters.GetText("actuators");
-    settings.observation = parameters.GetText("observation");
-    settings.reward = parameters.GetText("reward");
-    settings.terminate = parameters.GetText("terminate");
-    settings.keyframe = parameters.GetText("keyframe");
-    settings.randomise_joints = parameters.GetBool("randomise_joints");
-    settings.position_noise = parameters.GetReal("position_noise");
-    settings.velocity_noise = parameters.GetReal("velocity_noise");
-    settings.control_step = parameters.GetReal("control_step");
-    settings.episode_steps = static_cast<std::uint32_t>(parameters.GetInt("episode_steps"));
-    settings.action_low = parameters.GetReal("action_low");
-    settings.action_high = parameters.GetReal("action_high");
     auto task = std::make_unique<ModelTask>(settings);
-    task->Vary(mujoco::Variation::From(parameters, context.action_repeat));
+    task->Vary(mujoco::Variation::From(context.parameters, context.action_repeat));
     *result = task.release();
     return OkStatus();
   } catch (const std::exception& error) {

@@ -395,9 +395,41 @@ void Behaviour<T>::Value(In<T> states, Mat<T> values) {
     critics_[c].Forward(value_group_.planning(&rounded_scratch_), states, 0, &value_tape_,
                         values.Rows(static_cast<Index>(c), 1));
   }
+  ScaleValues(values);
+}
+
+template <typename T>
+void Behaviour<T>::Value(In<T> states, std::vector<MlpTape<T>>* tapes, Bfloat16Scratch* rounded,
+                         Mat<T> values) const {
+  if (tapes->size() != critics_.size()) *tapes = std::vector<MlpTape<T>>(critics_.size());
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    MlpTape<T>* tape = &(*tapes)[c];
+    critics_[c].Reserve(states.cols, tape);
+    critics_[c].Forward(value_group_.planning(rounded), states, 0, tape,
+                        values.Rows(static_cast<Index>(c), 1));
+  }
+  ScaleValues(values);
+}
+
+template <typename T>
+void Behaviour<T>::ScaleValues(Mat<T> values) const {
   const T scale = static_cast<T>(settings_.value_scale);
-  for (Index j = 0; j < states.cols; ++j) {
+  for (Index j = 0; j < values.cols; ++j) {
     for (Index c = 0; c < values.rows; ++c) values(c, j) *= scale;
+  }
+}
+
+template <typename T>
+void Behaviour<T>::ValueBackward(In<T> states, const std::vector<MlpTape<T>>& tapes, In<T> d_values,
+                                 MlpScratch<T>* scratch, Bfloat16Scratch* rounded,
+                                 Mat<T> d_states) const {
+  const Index n = states.cols;
+  const Mat<T> d_outputs(scratch->out.Reserve(n), 1, n);
+  const T scale = static_cast<T>(settings_.value_scale);
+  for (std::size_t c = 0; c < critics_.size(); ++c) {
+    for (Index j = 0; j < n; ++j) d_outputs(0, j) = scale * d_values(static_cast<Index>(c), j);
+    critics_[c].Backward(value_group_.planning(rounded), states, 0, tapes[c], In<T>(d_outputs),
+                         scratch, static_cast<T*>(nullptr), d_states);
   }
 }
 

@@ -151,6 +151,11 @@ class Behaviour {
 
   // values: [C, n], in the units of rewards.
   void Value(In<T> states, Mat<T> values);
+  // The same with tapes and scratch of the caller's, and from d_values back: d_states is added to.
+  void Value(In<T> states, std::vector<MlpTape<T>>* tapes, Bfloat16Scratch* rounded,
+             Mat<T> values) const;
+  void ValueBackward(In<T> states, const std::vector<MlpTape<T>>& tapes, In<T> d_values,
+                     MlpScratch<T>* scratch, Bfloat16Scratch* rounded, Mat<T> d_states) const;
   // actions: [A, n]; the mode where noise is empty.
   void Act(In<T> states, In<T> noise, Mat<T> actions);
   // actions: [A, n * count], those of state i in columns i * count on.
@@ -167,6 +172,8 @@ class Behaviour {
   void DreamBlock(const WorldModel<T>& world, DreamLane<T>* lane);
   // Both losses' gradients in the weights, from what DreamBlock left.
   void LearnFromBlock(DreamLane<T>* lane);
+  // From the critics' outputs to the units of rewards.
+  void ScaleValues(Mat<T> values) const;
   // v of one state, from the outputs of its critics [C], and back.
   T OfCritics(const T* outputs) const;
   void ToCritics(const T* outputs, T d_value, T* d_outputs) const;

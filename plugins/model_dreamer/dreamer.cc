@@ -85,6 +85,19 @@ void Dreamer::Believe(In<float> previous, In<float> actions, const double* obser
   world.Observe(world.group().exact(), previous, actions, standardised, noise, next);
 }
 
+void Dreamer::Follow(In<float> states, In<float> actions, In<float> noise, Mat<float> rewards,
+                     double* discounts, Mat<float> values) {
+  followed_noise_ = noise;
+  followed_.Forward(learner_.settings(), learner_.world(), learner_.behaviour(), states, actions,
+                    noise, rewards, discounts, values);
+}
+
+void Dreamer::FollowBackward(In<float> d_rewards, In<float> d_discounts, In<float> d_values,
+                             Mat<float> d_actions) {
+  followed_.Backward(learner_.settings(), learner_.world(), learner_.behaviour(), followed_noise_,
+                     d_rewards, d_discounts, d_values, d_actions);
+}
+
 Status Dreamer::Update(const TrainRequest& request, double* metrics) {
   UpdateLosses losses;
   const Status status = learner_.Update(request, &losses);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "dreamsearch/plugin.h"
+#include "plugins/model_dreamer/followed.h"
 #include "plugins/model_dreamer/learner.h"
 #include "plugins/networks/float_model.h"
 
@@ -28,12 +29,18 @@ class Dreamer final : public FloatModel {
   void Act(In<float> states, Index each, In<float> noise, Mat<float> actions) override;
   void Believe(In<float> previous, In<float> actions, const double* observations, In<float> noise,
                Mat<float> next) override;
+  void Follow(In<float> states, In<float> actions, In<float> noise, Mat<float> rewards,
+              double* discounts, Mat<float> values) override;
+  void FollowBackward(In<float> d_rewards, In<float> d_discounts, In<float> d_values,
+                      Mat<float> d_actions) override;
   Status Update(const TrainRequest& request, double* metrics) override;
   Status SaveTo(ByteSink* sink) const override { return learner_.Save(sink); }
   Status LoadFrom(ByteSource* source) override { return learner_.Load(source); }
   Status ExportTo(TensorSink* sink) const override { return learner_.Export(sink); }
 
   Learner<float> learner_;
+  Followed<float> followed_;
+  In<float> followed_noise_;  // of the last Follow
   TransitionTape<float> transitions_;
   MlpTape<float> head_tape_, continuation_tape_;
   Bfloat16Scratch rounded_scratch_;

@@ -54,7 +54,7 @@ template <typename T>
 Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
   const Status status = CheckSequences(batch, o_, a_);
   if (!status.ok()) return status;
-  update_batch_ = batch;
+  update_batch_ = Received(batch);
   const auto count = static_cast<Index>(batch.sequences);
   const auto length = static_cast<Index>(batch.length);
   const Index n = count * length;
@@ -239,7 +239,7 @@ void Learner<T>::PackWeights() {
 
 template <typename T>
 Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
-  Status status = Read(request.batch, request.seed);
+  Status status = Read(*request.batch, request.seed);
   if (!status.ok()) return status;
   Gradients(losses);
   status = CheckFinite(*losses, request.update);

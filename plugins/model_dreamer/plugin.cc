@@ -10,7 +10,8 @@ using dreamsearch::ComponentKind;
 
 const ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kModel,
-    .traits = dreamsearch::kLearns | dreamsearch::kDefault | dreamsearch::kLearnsFromSearch,
+    .traits = dreamsearch::kLearns | dreamsearch::kDefault | dreamsearch::kLearnsFromSearch |
+              dreamsearch::kGivesGradients,
     .name = "dreamer",
     .version = DREAMSEARCH_VERSION,
     .summary = "recurrent state-space model with actor and critic trained in its dreams",

@@ -51,7 +51,7 @@ constexpr auto kSettings = BindSettings<OracleSettings>(
         "Value of a latent: 0 or the given run's critic; auto is the critic if a run "
         "is given, otherwise 0.")));
 
-class Oracle final : public Model {
+class Oracle final : public Offers<Model, ValueSpread> {
  public:
   explicit Oracle(const ModelContext& context)
       : Oracle(context, kSettings.Read(context.parameters)) {}
@@ -133,21 +133,25 @@ class Oracle final : public Model {
     return OkStatus();
   }
 
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
     if (Status status = CheckLatents(latents); !status.ok()) return status;
-    if (!HasRoom(result, latents.rows)) {
-      return Error(StatusCode::kInvalidArgument,
-                   "Value: %llu latents, but room for %llu values, %llu deviations and %llu least",
+    if (values.size != latents.rows) {
+      return Error(StatusCode::kInvalidArgument, "Value: %llu latents, but room for %llu values",
                    static_cast<unsigned long long>(latents.rows),
-                   static_cast<unsigned long long>(result.values.size),
-                   static_cast<unsigned long long>(result.deviations.size),
-                   static_cast<unsigned long long>(result.least.size));
+                   static_cast<unsigned long long>(values.size));
     }
-    if (critic_) return trained_->Value(Gather(latents), result);
-    std::fill(result.values.begin(), result.values.end(), 0.0);
-    std::fill(result.deviations.begin(), result.deviations.end(), 0.0);
-    std::fill(result.least.begin(), result.least.end(), 0.0);
+    if (critic_) return trained_->Value(Gather(latents), values);
+    std::fill(values.begin(), values.end(), 0.0);
     return OkStatus();
+  }
+
+  // Where the value is the trained run's, so is its spread.
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept override {
+    if (Status status = CheckLatents(latents); !status.ok()) return status;
+    return trained_spread_->Spread(Gather(latents), result);
+  }
+  void* Extension(const char* name) noexcept override {
+    return trained_spread_ != nullptr ? Offers::Extension(name) : nullptr;
   }
 
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
@@ -193,12 +197,12 @@ class Oracle final : public Model {
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
-  Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override { delete this; }
 
  private:
   Oracle(const ModelContext& context, const OracleSettings& settings)
       : environment_(*context.environment),
+        saving_(ExtensionOf<StateSaving>(context.environment)),
         trained_(context.trained_model),
         action_size_(context.action_size),
         observation_size_(context.observation_size),
@@ -210,8 +214,10 @@ class Oracle final : public Model {
                (settings.proposal == Proposal::kAuto && trained_ != nullptr)),
         critic_(settings.value == ValueOf::kCritic ||
                 (settings.value == ValueOf::kAuto && trained_ != nullptr)),
+        trained_spread_(critic_ && trained_ != nullptr ? ExtensionOf<ValueSpread>(trained_)
+                                                       : nullptr),
         proposal_std_(settings.proposal_std),
-        state_bytes_(environment_.spec().state_bytes),
+        state_bytes_(saving_ != nullptr ? saving_->state_bytes() : 0),
         trained_offset_(Padded(kStateOffset + state_bytes_)),
         trained_bytes_(trained_ != nullptr ? trained_->latent_bytes() : 0),
         current_(state_bytes_),
@@ -274,7 +280,7 @@ class Oracle final : public Model {
     const View<const std::byte> state{from.data + kStateOffset, state_bytes_};
     if (!current_valid_ || std::memcmp(current_.data(), state.data, state.size) != 0) {
       current_valid_ = false;
-      if (Status status = environment_.RestoreState(state); !status.ok()) return status;
+      if (Status status = saving_->RestoreState(state); !status.ok()) return status;
     }
     current_valid_ = false;
     ToEnvironmentBounds(environment_.spec(), action, {bounded_.data(), action_size_});
@@ -294,7 +300,7 @@ class Oracle final : public Model {
       *discount = discount_ * step.discount;
     }
     const View<std::byte> after{to.data + kStateOffset, state_bytes_};
-    if (Status status = environment_.SaveState(after); !status.ok()) return status;
+    if (Status status = saving_->SaveState(after); !status.ok()) return status;
     std::memcpy(current_.data(), after.data, after.size);
     current_valid_ = true;
     observed_ = true;
@@ -339,6 +345,7 @@ class Oracle final : public Model {
   }
 
   Environment& environment_;
+  StateSaving* const saving_;
   Model* const trained_;
   const std::uint64_t action_size_;
   const std::uint64_t observation_size_;
@@ -347,6 +354,7 @@ class Oracle final : public Model {
   const bool uniform_;
   const bool actor_;
   const bool critic_;
+  ValueSpread* const trained_spread_;  // null: the value is not the trained run's, or has none
   const double proposal_std_;
   const std::uint64_t state_bytes_;
   const std::uint64_t trained_offset_;

@@ -36,7 +36,7 @@ Status Learner<T>::Read(const SequenceBatch& batch, std::uint64_t seed) {
                  "expected sequences of at least 2 decisions (run.sequence_length), found 1");
   }
   step_.agent = &agent_;
-  step_.batch = batch;
+  step_.batch = Received(batch);
   step_.horizon = static_cast<Index>(batch.length) - 1;
   step_.standardisation = standardisation();
   step_.statistics = &next_statistics_;
@@ -158,7 +158,7 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
 
 template <typename T>
 Status Learner<T>::Update(const TrainRequest& request, UpdateLosses* losses) {
-  Status status = Read(request.batch, request.seed);
+  Status status = Read(*request.batch, request.seed);
   if (!status.ok()) return status;
   Gradients(losses);
   status = CheckFinite(*losses, request.update);

@@ -21,7 +21,7 @@ constexpr RunPreset kRunPresets[] = {
 
 const ComponentDescriptor kComponents[] = {{
     .kind = ComponentKind::kModel,
-    .traits = dreamsearch::kLearns | dreamsearch::kLearnsFromSearch,
+    .traits = dreamsearch::kLearns | dreamsearch::kLearnsFromSearch | dreamsearch::kGivesGradients,
     .name = "tdmpc",
     .version = DREAMSEARCH_VERSION,
     .summary = "decoder-free latent model with an ensemble of critics, for planning (TD-MPC2)",

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "dreamsearch/plugin.h"
+#include "plugins/model_tdmpc/followed.h"
 #include "plugins/model_tdmpc/learner.h"
 #include "plugins/networks/float_model.h"
 
@@ -36,6 +37,14 @@ class Tdmpc final : public FloatModel {
     learner_.StandardiseNow(observations, standardised);
     learner_.agent().Encode(standardised, &memory_, next);
   }
+  void Follow(In<float> states, In<float> actions, In<float>, Mat<float> rewards, double* discounts,
+              Mat<float> values) override {
+    followed_.Forward(learner_.agent(), states, actions, rewards, discounts, values);
+  }
+  void FollowBackward(In<float> d_rewards, In<float> d_discounts, In<float> d_values,
+                      Mat<float> d_actions) override {
+    followed_.Backward(learner_.agent(), d_rewards, d_discounts, d_values, d_actions);
+  }
   Status Update(const TrainRequest& request, double* metrics) override;
   Status SaveTo(ByteSink* sink) const override { return learner_.Save(sink); }
   Status LoadFrom(ByteSource* source) override { return learner_.Load(source); }
@@ -43,6 +52,7 @@ class Tdmpc final : public FloatModel {
 
   Learner<float> learner_;
   Memory<float> memory_;  // what planners ask for
+  Followed<float> followed_;
   Buffer<float> observations_;
 };
 

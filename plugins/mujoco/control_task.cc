@@ -211,7 +211,7 @@ void ControlTask::LayOutState() {
   size += delayed_.size() + (variation_.observation_noise != 0 ? 1 : 0);
   for (const auto& values : written_) size += values.size();
   packed_.resize(size);
-  spec_.state_bytes = sizeof(StateHeader) + size * sizeof(double);
+  state_bytes_ = sizeof(StateHeader) + size * sizeof(double);
   PackState();
 }
 
@@ -232,9 +232,9 @@ void ControlTask::PackState() {
 }
 
 Status ControlTask::SaveState(View<std::byte> state) const noexcept {
-  if (state.size != spec_.state_bytes) {
+  if (state.size != state_bytes_) {
     return Error(StatusCode::kInvalidArgument, "%s: SaveState: expected %llu bytes, got %llu",
-                 name_.c_str(), static_cast<unsigned long long>(spec_.state_bytes),
+                 name_.c_str(), static_cast<unsigned long long>(state_bytes_),
                  static_cast<unsigned long long>(state.size));
   }
   const std::size_t bytes = packed_.size() * sizeof(double);
@@ -251,9 +251,9 @@ Status ControlTask::SaveState(View<std::byte> state) const noexcept {
 }
 
 Status ControlTask::RestoreState(View<const std::byte> state) noexcept {
-  if (state.size != spec_.state_bytes) {
+  if (state.size != state_bytes_) {
     return Error(StatusCode::kDataLoss, "%s: RestoreState: expected %llu bytes, got %llu",
-                 name_.c_str(), static_cast<unsigned long long>(spec_.state_bytes),
+                 name_.c_str(), static_cast<unsigned long long>(state_bytes_),
                  static_cast<unsigned long long>(state.size));
   }
   StateHeader header;

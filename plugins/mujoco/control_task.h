@@ -50,7 +50,7 @@ struct TaskSettings {
   double return_high = 1000;
 };
 
-class ControlTask : public Environment {
+class ControlTask : public Offers<Environment, StateSaving, Rendering> {
  public:
   explicit ControlTask(TaskSettings settings);
   virtual ~ControlTask() = default;
@@ -61,6 +61,7 @@ class ControlTask : public Environment {
   Status Reset(std::uint32_t seed, View<double> observation) noexcept final;
   Status Step(View<const double> action, View<double> observation,
               StepResult* result) noexcept final;
+  std::uint64_t state_bytes() const noexcept final { return state_bytes_; }
   Status SaveState(View<std::byte> state) const noexcept final;
   Status RestoreState(View<const std::byte> state) noexcept final;
   Status Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept final;
@@ -150,6 +151,7 @@ class ControlTask : public Environment {
   std::map<std::string, std::string> made_of_;
   std::vector<Ingredient> ingredients_;
   EnvironmentSpec spec_;
+  std::uint64_t state_bytes_ = 0;
   std::vector<std::span<mjtNum>> written_;
   std::unique_ptr<Renderer> renderer_;  // from the first picture on
 

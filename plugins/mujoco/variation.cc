@@ -22,13 +22,13 @@ void ScaleForce(double factor, bool muscle, mjtNum* parameters) {
 }  // namespace
 
 Variation Variation::From(const Parameters& parameters, std::uint32_t action_repeat) {
-  return {
-      .mass_scale = parameters.GetReal("mass_scale"),
-      .friction_scale = parameters.GetReal("friction_scale"),
-      .gravity_scale = parameters.GetReal("gravity_scale"),
-      .actuator_scale = parameters.GetReal("actuator_scale"),
-      .observation_noise = parameters.GetReal("observation_noise"),
-      .delay_steps = static_cast<std::uint32_t>(parameters.GetInt("action_delay")) * action_repeat};
+  const VariationSettings settings = kVariationSettings.Read(parameters);
+  return {.mass_scale = settings.mass_scale,
+          .friction_scale = settings.friction_scale,
+          .gravity_scale = settings.gravity_scale,
+          .actuator_scale = settings.actuator_scale,
+          .observation_noise = settings.observation_noise,
+          .delay_steps = settings.action_delay * action_repeat};
 }
 
 void ChangeModel(const Variation& variation, mjModel* model) {

@@ -8,30 +8,44 @@
 
 #include <cstdint>
 
-#include "dreamsearch/parameter.h"
+#include "dreamsearch/settings.h"
 
 namespace dreamsearch::mujoco {
 
-inline constexpr ParameterSpec kVariationParameters[] = {
-    RealParameter("mass_scale", 1, 0.01, 100, "",
-                  "Every body's mass and inertia is multiplied by this.")
-        .Variation(),
-    RealParameter("friction_scale", 1, 0, 100, "",
-                  "The friction of every contact is multiplied by this; that in joints stays.")
-        .Variation(),
-    RealParameter("gravity_scale", 1, -10, 100, "", "Gravity is multiplied by this.").Variation(),
-    RealParameter("actuator_scale", 1, 0, 100, "",
-                  "The force of every actuator, and its limit, is multiplied by this.")
-        .Variation(),
-    RealParameter("observation_noise", 0, 0, 1000, "",
-                  "Standard deviation of normal noise on every entry of the observation; the "
-                  "reward does not see it.")
-        .Variation(),
-    IntParameter("action_delay", 0, 0, 100, "decisions",
-                 "An action acts this many decisions late; before the first one the controls are "
-                 "0.")
-        .Variation(),
+struct VariationSettings {
+  double mass_scale;
+  double friction_scale;
+  double gravity_scale;
+  double actuator_scale;
+  double observation_noise;
+  std::uint32_t action_delay;  // decisions
 };
+inline constexpr auto kVariationSettings = BindSettings<VariationSettings>(
+    Bind<&VariationSettings::mass_scale>(
+        RealParameter("mass_scale", 1, 0.01, 100, "",
+                      "Every body's mass and inertia is multiplied by this.")
+            .Variation()),
+    Bind<&VariationSettings::friction_scale>(
+        RealParameter("friction_scale", 1, 0, 100, "",
+                      "The friction of every contact is multiplied by this; that in joints stays.")
+            .Variation()),
+    Bind<&VariationSettings::gravity_scale>(
+        RealParameter("gravity_scale", 1, -10, 100, "", "Gravity is multiplied by this.")
+            .Variation()),
+    Bind<&VariationSettings::actuator_scale>(
+        RealParameter("actuator_scale", 1, 0, 100, "",
+                      "The force of every actuator, and its limit, is multiplied by this.")
+            .Variation()),
+    Bind<&VariationSettings::observation_noise>(
+        RealParameter("observation_noise", 0, 0, 1000, "",
+                      "Standard deviation of normal noise on every entry of the observation; the "
+                      "reward does not see it.")
+            .Variation()),
+    Bind<&VariationSettings::action_delay>(
+        IntParameter("action_delay", 0, 0, 100, "decisions",
+                     "An action acts this many decisions late; before the first one the controls "
+                     "are 0.")
+            .Variation()));
 
 struct Variation {
   double mass_scale = 1;
@@ -41,7 +55,7 @@ struct Variation {
   double observation_noise = 0;
   std::uint32_t delay_steps = 0;  // environment steps, action repeat included
 
-  // From the values of kVariationParameters.
+  // From the values of kVariationSettings.
   static Variation From(const Parameters& parameters, std::uint32_t action_repeat);
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <exception>
 
 #include "plugins/networks/noise.h"
@@ -46,6 +47,30 @@ void ForBlocks(Index rows, Task task) {
 
 Mat<const float> Part(Mat<const float> noise, Index first, Index count) {
   return noise ? noise.Cols(first, count) : noise;
+}
+
+// The value that a gradient's request asks of an ensemble's `count` values, and its gradient in
+// them.
+double ValueOf(const float* values, Index count, const GradientRequest& request, float* d_values) {
+  if (request.least) {
+    const Index least = std::min_element(values, values + count) - values;
+    for (Index k = 0; k < count; ++k) d_values[k] = k == least ? 1 : 0;
+    return static_cast<double>(values[least]);
+  }
+  double sum = 0, squares = 0;
+  for (Index k = 0; k < count; ++k) sum += static_cast<double>(values[k]);
+  const double mean = sum / static_cast<double>(count);
+  for (Index k = 0; k < count; ++k) {
+    const double offset = static_cast<double>(values[k]) - mean;
+    squares += offset * offset;
+  }
+  const double deviation = std::sqrt(squares / static_cast<double>(count));
+  for (Index k = 0; k < count; ++k) {
+    const double offset = static_cast<double>(values[k]) - mean;
+    const double slope = deviation > 0 ? 1 + request.deviations * offset / deviation : 1;
+    d_values[k] = static_cast<float>(slope / static_cast<double>(count));
+  }
+  return mean + request.deviations * deviation;
 }
 
 void Widen(Mat<const float> from, MatrixView<double> to) {
@@ -154,7 +179,16 @@ Status FloatModel::Imagine(const ImagineRequest& request, const ImagineResult& r
   });
 }
 
-Status FloatModel::Value(ConstLatents latents, const ValueResult& result) noexcept {
+void* FloatModel::Extension(const char* name) noexcept {
+  if (sizes_.critics == 1 && std::strcmp(name, ValueSpread::kName) == 0) return nullptr;
+  return Offers::Extension(name);
+}
+
+Status FloatModel::Value(ConstLatents latents, View<double> values) noexcept {
+  return Spread(latents, {.values = values});
+}
+
+Status FloatModel::Spread(ConstLatents latents, const SpreadResult& result) noexcept {
   const Status status = CheckLatents("Value", latents.cols, latents.rows, result.values.size);
   if (!status.ok()) return status;
   if (!HasRoom(result, latents.rows)) {
@@ -186,6 +220,93 @@ Status FloatModel::Value(ConstLatents latents, const ValueResult& result) noexce
     }
     return OkStatus();
   });
+}
+
+Status FloatModel::Gradient(const GradientRequest& asked, const GradientResult& room) noexcept {
+  const GradientRequest request = Received(asked);
+  const GradientResult result = Received(room);
+  const std::uint64_t rows = request.latents.rows, steps = request.actions.rows;
+  Status status = CheckLatents("Gradient", request.latents.cols, rows, result.returns.size);
+  if (!status.ok()) return status;
+  if (steps == 0 || steps % rows != 0 || request.actions.cols != action_size()) {
+    return WrongSize("Gradient", "actions (n a latent)", rows, action_size(), steps,
+                     request.actions.cols);
+  }
+  if (status = CheckSeeds("Gradient", request.seeds, steps); !status.ok()) return status;
+  if (result.gradients.rows != steps || result.gradients.cols != action_size()) {
+    return WrongSize("Gradient", "gradients", steps, action_size(), result.gradients.rows,
+                     result.gradients.cols);
+  }
+  return Guarded("Gradient", [&] {
+    const Mat<const float> actions = Actions(request.actions);
+    const Mat<const float> noise = Noise(request.seeds, sizes_.step_noise);
+    const Index horizon = static_cast<Index>(steps / rows);
+    ForBlocks(static_cast<Index>(rows), [&](Index first, Index count) {
+      GradientOf(first, StatesOf(request.latents).Cols(first, count),
+                 actions.Cols(first * horizon, count * horizon),
+                 Part(noise, first * horizon, count * horizon), request, result);
+    });
+    for (const double value : result.returns) {
+      if (!std::isfinite(value)) {
+        return Error(StatusCode::kNotFinite, "Gradient: expected a finite return, found %g", value);
+      }
+    }
+    return OkStatus();
+  });
+}
+
+void FloatModel::GradientOf(Index first, Mat<const float> states, Mat<const float> actions,
+                            Mat<const float> noise, const GradientRequest& request,
+                            const GradientResult& result) {
+  const Index n = states.cols, steps = actions.cols, horizon = steps / n;
+  // Sequence after sequence becomes time-major.
+  const auto time_major = [&](Mat<const float> from, Mat<float> to) {
+    for (Index t = 0; t < horizon; ++t) {
+      for (Index i = 0; i < n; ++i) {
+        Copy<float>(from.Cols(i * horizon + t, 1), to.Cols(t * n + i, 1));
+      }
+    }
+    return to;
+  };
+  const Mat<float> own_actions = time_major(actions, block_actions_.Shape(a_, steps));
+  const Mat<float> own_noise =
+      noise ? time_major(noise, block_noise_.Shape(noise.rows, steps)) : Mat<float>();
+  const Mat<float> rewards = rewards_.Shape(1, steps);
+  const Mat<double> discounts = discounts_.Shape(1, steps), after = after_.Shape(1, steps);
+  const Mat<float> values = values_.Shape(sizes_.critics, n);
+  Follow(states, own_actions, own_noise, rewards, discounts.data, values);
+
+  const Mat<float> d_rewards = d_rewards_.Shape(1, steps);
+  const Mat<float> d_discounts = d_discounts_.Shape(1, steps);
+  const Mat<float> d_values = d_values_.Shape(sizes_.critics, n);
+  for (Index i = 0; i < n; ++i) {
+    const double value = ValueOf(values.col(i), sizes_.critics, request, d_values.col(i));
+    double next = value;  // what counts after transition t
+    for (Index t = horizon; t-- > 0;) {
+      after(0, t * n + i) = next;
+      next = static_cast<double>(rewards(0, t * n + i)) + discounts(0, t * n + i) * next;
+    }
+    result.returns[static_cast<std::uint64_t>(first + i)] = next;
+    double reached = 1;  // the product of the discounts before transition t
+    for (Index t = 0; t < horizon; ++t) {
+      const Index column = t * n + i;
+      d_rewards(0, column) = static_cast<float>(reached);
+      d_discounts(0, column) = static_cast<float>(reached * after(0, column));
+      reached *= discounts(0, column);
+    }
+    for (Index k = 0; k < sizes_.critics; ++k) d_values(k, i) *= static_cast<float>(reached);
+  }
+  const Mat<float> d_actions = d_actions_.Shape(a_, steps);
+  FollowBackward(d_rewards, d_discounts, d_values, d_actions);
+  for (Index t = 0; t < horizon; ++t) {
+    for (Index i = 0; i < n; ++i) {
+      const auto row = static_cast<std::uint64_t>((first + i) * horizon + t);
+      for (Index j = 0; j < a_; ++j) {
+        result.gradients(row, static_cast<std::uint64_t>(j)) =
+            static_cast<double>(d_actions(j, t * n + i));
+      }
+    }
+  }
 }
 
 Status FloatModel::ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept {

@@ -14,15 +14,19 @@
 
 namespace dreamsearch::networks {
 
-class FloatModel : public Model {
+class FloatModel : public Offers<Model, ValueSpread, ReturnGradient, TensorExport> {
  public:
   std::uint64_t latent_bytes() const noexcept final { return latent_bytes_; }
   std::uint64_t action_size() const noexcept final { return static_cast<std::uint64_t>(a_); }
   Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept final;
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept final;
+  Status Value(ConstLatents latents, View<double> values) noexcept final;
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept final;
   Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                         MatrixView<double> actions) noexcept final;
+  // Not offered where there is one critic.
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept final;
+  void* Extension(const char* name) noexcept final;
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept final;
   Status InitialLatent(Latents latents) noexcept final;  // zeros
   Status Observe(const ObserveRequest& request, Latents latents) noexcept final;
   Status Train(const TrainRequest& request, View<double> metrics) noexcept final;
@@ -54,6 +58,13 @@ class FloatModel : public Model {
   // observations: [n, O] row-major.
   virtual void Believe(In<float> previous, In<float> actions, const double* observations,
                        In<float> noise, Mat<float> next) = 0;
+  // The transitions of n sequences of actions, time-major: column t * n + i is transition t of
+  // sequence i. rewards: [1, H * n]; discounts: [H * n]; values: [critics, n], of the last states.
+  virtual void Follow(In<float> states, In<float> actions, In<float> noise, Mat<float> rewards,
+                      double* discounts, Mat<float> values) = 0;
+  // The way back of the last Follow, from the gradients of what it gave.
+  virtual void FollowBackward(In<float> d_rewards, In<float> d_discounts, In<float> d_values,
+                              Mat<float> d_actions) = 0;
   virtual Status Update(const TrainRequest& request, double* metrics) = 0;
   virtual Status SaveTo(ByteSink* sink) const = 0;
   virtual Status LoadFrom(ByteSource* source) = 0;
@@ -74,7 +85,14 @@ class FloatModel : public Model {
   const Sizes sizes_;
   const Index a_;
   const std::uint64_t latent_bytes_;
+  // A block of a Gradient, from its first sequence on.
+  void GradientOf(Index first, Mat<const float> states, Mat<const float> actions,
+                  Mat<const float> noise, const GradientRequest& request,
+                  const GradientResult& result);
+
   Buffer<float> actions_, states_, noise_, rewards_, values_;
+  Buffer<float> block_actions_, block_noise_, d_rewards_, d_discounts_, d_values_, d_actions_;
+  Buffer<double> discounts_, after_;
 };
 
 // Runs a call that may throw (memory) behind the plugin boundary.

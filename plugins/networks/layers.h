@@ -304,6 +304,7 @@ struct MlpTape {
 template <typename T>
 struct MlpScratch {
   Buffer<T> a, b;
+  Buffer<T> out;  // for who computes the output's gradient
 };
 
 struct HiddenLayer {

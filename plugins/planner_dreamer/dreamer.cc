@@ -45,7 +45,7 @@ class Dreamer final : public MemorylessPlanner {
     double value = 0;
     Status status = model_->ProposeMode(request.root, {mode_.get(), 1, size});
     if (!status.ok()) return status;
-    status = model_->Value(request.root, {.values = {&value, 1}});
+    status = model_->Value(request.root, {&value, 1});
     if (!status.ok()) return status;
     if (request.explore && settings_.noise_on_sample) {
       const std::uint64_t seed = DeriveSeed(request.seed, kSample);

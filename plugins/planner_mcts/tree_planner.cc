@@ -48,11 +48,23 @@ Status TreePlanner::BeginEpisode(LatentModel* model) noexcept {
   if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
   model_ = model;
   tree_.Clear();
+  decided_ = false;
   return OkStatus();
+}
+
+void TreePlanner::KeepOfLastDecision() noexcept {
+  if (!decided_) return;
+  decided_ = false;
+  if (kept_edge_ != SearchTree::kNone) {
+    tree_.KeepSubtree(tree_.child(kept_edge_));
+  } else {
+    tree_.Clear();
+  }
 }
 
 Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcept {
   if (Status status = CheckPlan(sizes_, model_, request, result); !status.ok()) return status;
+  KeepOfLastDecision();
   explore_ = request.explore;
   seed_ = request.seed;
   if (tree_.empty()) {
@@ -97,8 +109,16 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
   result->simulations = static_cast<std::uint32_t>(budget);
   result->nodes = tree_.node_count();
   result->depth = depth;
-  if (request.tree != nullptr) tree_.Report(request.tree);
-  ReportPolicy(
+  decided_ = true;
+  kept_edge_ = settings_.reuse_tree && !(request.explore && settings_.noise_std > 0)
+                   ? chosen
+                   : SearchTree::kNone;
+  return OkStatus();
+}
+
+Status TreePlanner::ReportPolicy(MatrixView<double> policy, View<double> weights) noexcept {
+  return FillPolicy(
+      sizes_,
       [this](auto visit) {
         Index i = 0;
         for (Index edge = tree_.first_child(SearchTree::kRoot); edge != SearchTree::kNone;
@@ -106,14 +126,7 @@ Status TreePlanner::Plan(const PlanRequest& request, PlanResult* result) noexcep
           visit(PolicyWeight(i++, edge), tree_.actions(edge, 1).row(0));
         }
       },
-      result);
-
-  if (settings_.reuse_tree && !(request.explore && settings_.noise_std > 0)) {
-    tree_.KeepSubtree(tree_.child(chosen));
-  } else {
-    tree_.Clear();
-  }
-  return OkStatus();
+      policy, weights);
 }
 
 Status TreePlanner::Search(std::uint64_t budget) noexcept {
@@ -305,9 +318,13 @@ double TreePlanner::RootVisitEntropy() const noexcept {
   return entropy;
 }
 
-Status TreePlanner::Save(ByteSink* sink) const noexcept { return tree_.Save(sink); }
+Status TreePlanner::Save(ByteSink* sink) const noexcept {
+  const_cast<TreePlanner*>(this)->KeepOfLastDecision();  // what will have been kept anyway
+  return tree_.Save(sink);
+}
 
 Status TreePlanner::Load(ByteSource* source) noexcept {
+  decided_ = false;
   if (Status status = tree_.Load(source); !status.ok()) return status;
   if (!settings_.reuse_tree && !tree_.empty()) {
     tree_.Clear();

@@ -68,12 +68,14 @@ constexpr MetricSpec kTreeMetrics[] = {
 };
 static_assert(std::size(kTreeMetrics) == kTreeMetricCount);
 
-class TreePlanner : public Planner {
+class TreePlanner : public Offers<Planner, TreeReporting, PolicyReporting> {
  public:
   using Index = SearchTree::Index;
 
   Status BeginEpisode(LatentModel* model) noexcept final;
   Status Plan(const PlanRequest& request, PlanResult* result) noexcept final;
+  void ReportTree(TreeSink* sink) noexcept final { tree_.Report(sink); }
+  Status ReportPolicy(MatrixView<double> policy, View<double> weights) noexcept final;
   // The kept tree, if the option is on.
   Status Save(ByteSink* sink) const noexcept final;
   Status Load(ByteSource* source) noexcept final;
@@ -118,6 +120,8 @@ class TreePlanner : public Planner {
   SearchTree tree_;
 
  private:
+  // Before anything but a report: of the last decision's tree what the next one keeps is left.
+  void KeepOfLastDecision() noexcept;
   Status Search(std::uint64_t budget) noexcept;
   Status SelectLeaf(Index* leaf, bool* collided) noexcept;
   Status EvaluatePending() noexcept;
@@ -129,6 +133,11 @@ class TreePlanner : public Planner {
   const TreeSettings settings_;
   SearchValues values_;
   LatentModel* model_ = nullptr;
+
+  // The last decision's tree is still whole; the next one begins with this root edge's subtree,
+  // kNone with nothing.
+  bool decided_ = false;
+  Index kept_edge_ = SearchTree::kNone;
 
   // Of the present decision.
   bool explore_ = false;

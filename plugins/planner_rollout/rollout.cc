@@ -69,7 +69,7 @@ enum Stream : std::uint64_t {
   kPlayedNoise = 6
 };
 
-class Rollout final : public MemorylessPlanner {
+class Rollout final : public Offers<MemorylessPlanner, TreeReporting, PolicyReporting> {
  public:
   explicit Rollout(const PlannerContext& context)
       : Rollout(context, kSettings.Read(context.parameters)) {}
@@ -86,8 +86,8 @@ class Rollout final : public MemorylessPlanner {
     const View<const double> q{returns_.data(), batch_};
     if (status = CheckFinite("return of candidate", q); !status.ok()) return status;
 
-    const auto best = static_cast<std::uint64_t>(std::max_element(q.begin(), q.end()) - q.begin());
-    const View<const double> candidate = actions(0).row(best);
+    best_ = static_cast<std::uint64_t>(std::max_element(q.begin(), q.end()) - q.begin());
+    const View<const double> candidate = actions(0).row(best_);
     std::copy_n(candidate.data, candidate.size, played_.data());
     if (request.explore) {
       AddExplorationNoise(settings_.noise_std, DeriveSeed(request.seed, kPlayedNoise),
@@ -98,18 +98,40 @@ class Rollout final : public MemorylessPlanner {
     result->metrics[kModeDistance] =
         ActionDistance({played_.data(), sizes_.action_size}, {mode_.data(), sizes_.action_size});
     result->metrics[kQSpread] = Spread(q);
-    result->value = q[best];
+    result->value = q[best_];
     result->simulations = static_cast<std::uint32_t>(batch_);
     result->nodes = static_cast<std::uint32_t>(batch_ * settings_.depth + 1);
     result->depth = static_cast<std::uint32_t>(settings_.depth);
-    if (request.tree != nullptr) Report(request.tree);
-    ReportPolicy([&](auto visit) { visit(1.0, candidate); }, result);
     return OkStatus();
+  }
+
+  // The candidates, then what follows each of them, transition by transition.
+  void ReportTree(TreeSink* tree) noexcept override {
+    for (std::uint64_t t = 0; t < settings_.depth; ++t) {
+      for (std::uint64_t i = 0; i < batch_; ++i) {
+        const std::uint64_t edge = t * batch_ + i;
+        tree->Edge({.parent = t == 0 ? -1 : static_cast<std::int64_t>(edge - batch_),
+                    .action = actions(t).row(i),
+                    .visits = 1,
+                    .q = returns_[edge],
+                    .prior = t == 0 ? 1.0 / static_cast<double>(batch_) : 1,
+                    .reward = rewards_[edge],
+                    .discount = discounts_[edge],
+                    .value = settings_.lambda < 1 || t + 1 == settings_.depth ? values_[edge] : 0,
+                    .expanded = true});
+      }
+    }
+  }
+
+  // The best candidate alone.
+  Status ReportPolicy(MatrixView<double> policy, View<double> weights) noexcept override {
+    return FillPolicy(
+        sizes_, [this](auto visit) { visit(1.0, actions(0).row(best_)); }, policy, weights);
   }
 
  private:
   Rollout(const PlannerContext& context, const RolloutSettings& settings)
-      : MemorylessPlanner(context, kMetricCount),
+      : Offers(context, kMetricCount),
         settings_(settings),
         batch_(settings.actor_candidates + settings.uniform_candidates),
         search_values_(settings, batch_) {
@@ -214,27 +236,10 @@ class Rollout final : public MemorylessPlanner {
     return std::sqrt(squares / static_cast<double>(q.size));
   }
 
-  // The candidates, then what follows each of them, transition by transition.
-  void Report(TreeSink* tree) noexcept {
-    for (std::uint64_t t = 0; t < settings_.depth; ++t) {
-      for (std::uint64_t i = 0; i < batch_; ++i) {
-        const std::uint64_t edge = t * batch_ + i;
-        tree->Edge({.parent = t == 0 ? -1 : static_cast<std::int64_t>(edge - batch_),
-                    .action = actions(t).row(i),
-                    .visits = 1,
-                    .q = returns_[edge],
-                    .prior = t == 0 ? 1.0 / static_cast<double>(batch_) : 1,
-                    .reward = rewards_[edge],
-                    .discount = discounts_[edge],
-                    .value = settings_.lambda < 1 || t + 1 == settings_.depth ? values_[edge] : 0,
-                    .expanded = true});
-      }
-    }
-  }
-
   const RolloutSettings settings_;
   const std::uint64_t batch_;  // B
   SearchValues search_values_;
+  std::uint64_t best_ = 0;            // the candidate with the largest return
   LatentBuffer latents_[2];           // [B], transitions go from one to the other
   std::vector<std::uint64_t> seeds_;  // [B]
   std::vector<double> actions_;       // [depth, B, A]

@@ -51,7 +51,7 @@ struct ShootingPlan {
   View<const double> weights;
 };
 
-class ShootingPlanner : public Planner {
+class ShootingPlanner : public Offers<Planner, TreeReporting, PolicyReporting> {
  public:
   Status BeginEpisode(LatentModel* model) noexcept final {
     if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
@@ -65,30 +65,36 @@ class ShootingPlanner : public Planner {
     Status status = model_->ProposeMode(request.root, {mode_.data(), 1, mode_.size()});
     if (status.ok()) status = CheckFinite("action component", {mode_.data(), mode_.size()});
     if (!status.ok()) return status;
-    ShootingPlan plan;
+    plan_ = ShootingPlan();
     const View<double> played{played_.data(), played_.size()};
-    if (status = Search(request, played, &plan); !status.ok()) {
+    if (status = Search(request, played, &plan_); !status.ok()) {
       ForgetPlan();
       return status;
     }
     std::copy(played_.begin(), played_.end(), result->action.data);
     result->metrics[kModeDistance] = ActionDistance(played, {mode_.data(), mode_.size()});
     result->metrics[kReturnSpread] = trajectories_.ReturnSpread();
-    result->metrics[kPlanStd] = plan.std;
-    result->value = plan.value;
-    result->simulations = static_cast<std::uint32_t>(plan.sequences);
-    result->nodes = static_cast<std::uint32_t>(plan.sequences * trajectories_.horizon() + 1);
+    result->metrics[kPlanStd] = plan_.std;
+    result->value = plan_.value;
+    result->simulations = static_cast<std::uint32_t>(plan_.sequences);
+    result->nodes = static_cast<std::uint32_t>(plan_.sequences * trajectories_.horizon() + 1);
     result->depth = static_cast<std::uint32_t>(trajectories_.horizon());
-    if (request.tree != nullptr) trajectories_.Report(request.tree);
-    ReportPolicy(
-        [&](auto visit) {
-          for (std::uint64_t i = 0; i < plan.policy.size; ++i) {
-            visit(plan.weights.empty() ? 1 : plan.weights[i],
-                  trajectories_.actions(0).row(plan.policy[i]));
+    return OkStatus();
+  }
+
+  // The last candidates.
+  void ReportTree(TreeSink* sink) noexcept final { trajectories_.Report(sink); }
+
+  Status ReportPolicy(MatrixView<double> policy, View<double> weights) noexcept final {
+    return FillPolicy(
+        sizes_,
+        [this](auto visit) {
+          for (std::uint64_t i = 0; i < plan_.policy.size; ++i) {
+            visit(plan_.weights.empty() ? 1 : plan_.weights[i],
+                  trajectories_.actions(0).row(plan_.policy[i]));
           }
         },
-        result);
-    return OkStatus();
+        policy, weights);
   }
 
   // Nothing is carried from one decision to the next unless a class says so.
@@ -129,6 +135,7 @@ class ShootingPlanner : public Planner {
   Trajectories trajectories_;
 
  private:
+  ShootingPlan plan_;           // the last one
   std::vector<double> mode_;    // [A]
   std::vector<double> played_;  // [A]
 };

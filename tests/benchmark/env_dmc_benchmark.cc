@@ -68,7 +68,7 @@ Figures Measure(const TaskEntry& entry) {
   const EnvironmentSpec& spec = environment->spec();
   const std::size_t actions = spec.action_size;
   std::vector<double> observation(spec.observation_size);
-  std::vector<std::byte> state(spec.state_bytes);
+  std::vector<std::byte> state(task->state_bytes());
   std::vector<double> action_table(kEpisodeSteps * actions);
   const View<double> observation_view{observation.data(), observation.size()};
   const View<std::byte> state_view{state.data(), state.size()};
@@ -131,12 +131,12 @@ Figures Measure(const TaskEntry& entry) {
     // One state, many actions from it: with and without going back to it.
     if (!environment->Reset(seed, observation_view).ok()) Stop(entry.name, "reset failed");
     ours(0, 100);
-    if (!environment->SaveState(state_view).ok()) Stop(entry.name, "save failed");
+    if (!task->SaveState(state_view).ok()) Stop(entry.name, "save failed");
     for (int begin = 100; begin < 300; begin += kBlock) {
       const double start = CpuSeconds();
       StepResult result;
       for (int i = begin; i < begin + kBlock; ++i) {
-        if (!environment->RestoreState(state_view).ok()) Stop(entry.name, "restore failed");
+        if (!task->RestoreState(state_view).ok()) Stop(entry.name, "restore failed");
         const View<const double> action{action_table.data() + i * actions, actions};
         if (!environment->Step(action, observation_view, &result).ok()) {
           Stop(entry.name, "step failed");

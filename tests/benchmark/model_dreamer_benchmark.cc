@@ -82,7 +82,8 @@ void Update(benchmark::State& state, const char* preset, const char* precision, 
   std::uint64_t update = 0;
   const Lap lap(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC);
   for (auto _ : state) {
-    const Status status = learner.Update({setup.batch.view(), update, update, 0}, &losses);
+    const SequenceBatch batch = setup.batch.view();
+    const Status status = learner.Update({&batch, update, update, 0}, &losses);
     if (!status.ok()) state.SkipWithError(status.message);
     ++update;
   }

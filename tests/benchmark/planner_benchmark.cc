@@ -26,8 +26,8 @@ class FreeModel final : public LatentModel {
     }
     return OkStatus();
   }
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
-    for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = 0;
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    for (std::uint64_t i = 0; i < latents.rows; ++i) values[i] = 0;
     return OkStatus();
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {

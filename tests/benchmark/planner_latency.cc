@@ -93,10 +93,10 @@ class Counting final : public LatentModel {
     transitions += request.latents.rows;
     return model_->Imagine(request, result);
   }
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
     macs += static_cast<double>(latents.rows) * kValue;
     weights += kValue;
-    return model_->Value(latents, result);
+    return model_->Value(latents, values);
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
     macs += static_cast<double>(latents.rows) * kActor;

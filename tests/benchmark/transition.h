@@ -34,7 +34,7 @@ inline double TimeTransitions(benchmark::State& state, Model* model) {
                   ->Imagine({from, {actions.data(), rows, size}, seeds},
                             {to, {rewards.data(), rows}, {discounts.data(), rows}})
                   .ok();
-    ok &= model->Value(to, {.values = {values.data(), rows}}).ok();
+    ok &= model->Value(to, {values.data(), rows}).ok();
     ok &= model->ProposeSamples(to, seeds, {actions.data(), rows, size}).ok();
     if (!ok) state.SkipWithError("a call failed");
   }

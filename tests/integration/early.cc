@@ -41,17 +41,10 @@ class Line final : public Environment {
     Show(observation);
     const bool last = t_ >= end_;
     const bool dies = kKind == Kind::kVaried || kKind == Kind::kSilent;
-    *result = {1, last && dies ? 0.0 : 1.0, last};
+    result->reward = 1;
+    result->discount = last && dies ? 0 : 1;
+    result->last = last;
     return OkStatus();
-  }
-  Status SaveState(View<std::byte>) const noexcept override {
-    return Error(StatusCode::kUnimplemented, "not saved");
-  }
-  Status RestoreState(View<const std::byte>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "not restored");
-  }
-  Status Render(const RenderRequest&, View<std::uint8_t>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "no pictures");
   }
   void Destroy() noexcept override { delete this; }
 

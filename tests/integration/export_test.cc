@@ -46,7 +46,7 @@ TEST_F(ExportTest, HoldsWhatTheModelExportsFromTheNewestCheckpoint) {
   const ModelPtr model = components.MakeModel(environment->spec(), 1, nullptr);
   LoadModel(Checkpoint(folder + "/checkpoint-4000.ckpt"), "dreamer", model.get());
   TensorCollector expected;
-  ASSERT_TRUE(model->Export(&expected).ok());
+  ASSERT_TRUE(ExtensionOf<TensorExport>(model.get())->Export(&expected).ok());
   ASSERT_GT(expected.tensors().size(), 10u);
 
   const std::string bytes = FileBytes(place_->Path("w.safetensors"));

@@ -205,10 +205,8 @@ class IdleModel : public Model {
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
     return Error(StatusCode::kUnimplemented, "not imagined");
   }
-  Status Value(ConstLatents, const ValueResult& result) noexcept override {
-    for (const View<double> room : {result.values, result.deviations, result.least}) {
-      std::fill(room.begin(), room.end(), 0.0);
-    }
+  Status Value(ConstLatents, View<double> values) noexcept override {
+    std::fill(values.begin(), values.end(), 0.0);
     return OkStatus();
   }
   Status ProposeMode(ConstLatents, MatrixView<double> actions) noexcept override {
@@ -229,10 +227,8 @@ class IdleModel : public Model {
   Status Train(const TrainRequest&, View<double>) noexcept override {
     return Error(StatusCode::kUnimplemented, "nothing to learn");
   }
-  void SetThreads(std::uint32_t) noexcept override {}
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
-  Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override { delete this; }
 
  protected:
@@ -254,10 +250,10 @@ template <bool kNan>
 class FaultyModel final : public IdleModel<kLatentAlignment> {
  public:
   using IdleModel::IdleModel;
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
-    if (!trained_) return IdleModel::Value(latents, result);
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    if (!trained_) return IdleModel::Value(latents, values);
     if (!kNan) return Error(StatusCode::kInvalidArgument, "expected 3, found 4");
-    for (double& value : result.values) value = std::numeric_limits<double>::quiet_NaN();
+    for (double& value : values) value = std::numeric_limits<double>::quiet_NaN();
     return OkStatus();
   }
   Status Train(const TrainRequest&, View<double>) noexcept override {
@@ -308,18 +304,9 @@ class FaultyEnvironment final : public Environment {
   }
   Status Step(View<const double>, View<double> observation, StepResult* result) noexcept override {
     observation[0] = 0;
-    *result = StepResult();
+    result->reward = 0;
     result->last = !endless_ && ++steps_ == 10;
     return OkStatus();
-  }
-  Status SaveState(View<std::byte>) const noexcept override {
-    return Error(StatusCode::kUnimplemented, "no state");
-  }
-  Status RestoreState(View<const std::byte>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "no state");
-  }
-  Status Render(const RenderRequest&, View<std::uint8_t>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "no picture");
   }
   void Destroy() noexcept override { delete this; }
 

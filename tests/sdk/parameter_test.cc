@@ -30,14 +30,9 @@ TEST(ParameterSpec, ZeroAndFalseAreNumbersNotMissingChoices) {
 TEST(Parameters, FindsValuesByName) {
   constexpr ParameterValue kValues[] = {{"depth", 10, nullptr}, {"noise", 0, "mode"}};
   const Parameters parameters{ViewOf(kValues)};
-  EXPECT_EQ(parameters.GetInt("depth"), 10);
-  EXPECT_STREQ(parameters.GetText("noise"), "mode");
+  EXPECT_EQ(parameters.Find("depth")->number, 10);
+  EXPECT_STREQ(parameters.Find("noise")->choice, "mode");
   EXPECT_EQ(parameters.Find("absent"), nullptr);
-}
-
-TEST(Parameters, RefusesAnUndeclaredName) {
-  const Parameters none;
-  EXPECT_THROW(none.GetReal("depth"), std::invalid_argument);
 }
 
 struct Walk {

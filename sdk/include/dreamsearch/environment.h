@@ -16,6 +16,8 @@
 
 #include <cstdint>
 
+#include "dreamsearch/extension.h"
+#include "dreamsearch/sized.h"
 #include "dreamsearch/status.h"
 #include "dreamsearch/view.h"
 
@@ -25,6 +27,7 @@ namespace dreamsearch {
 struct ObservationPart {
   const char* name = nullptr;
   std::uint64_t size = 0;
+  // Later fields go here.
 };
 
 // Something beside plugin and settings that decides the episodes: {"numpy", "2.1.3"}, a file that
@@ -32,10 +35,11 @@ struct ObservationPart {
 struct Ingredient {
   const char* name = nullptr;
   const char* value = nullptr;
+  // Later fields go here.
 };
 
 struct EnvironmentSpec {
-  View<const ObservationPart> observation;
+  Records<ObservationPart> observation;
   std::uint64_t observation_size = 0;  // O
   std::uint64_t action_size = 0;       // A
   View<const double> action_low;       // [A]
@@ -46,28 +50,24 @@ struct EnvironmentSpec {
   bool terminates = false;             // it has terminal states: a discount can be 0
   double return_low = 0;               // range of an episode's return, for normalised
   double return_high = 0;              //   scores; equal when there is none
-  std::uint64_t state_bytes = 0;       // size of a saved state; 0: cannot be saved
   // Stored with a run, each under another name. One that changed counts as a changed plugin: an
   // unfinished run does not go on with it.
-  View<const Ingredient> ingredients;
+  Records<Ingredient> ingredients;
   // One line that a person should read before a run, about what was assumed; may be null.
   const char* notice = nullptr;
+  std::uint64_t struct_size = sizeof(EnvironmentSpec);
 };
 
 // What one step gave. `discount` is 0 at a terminal state and 1 elsewhere, the
 // time limit included; `last` says that the episode is over, after episode_steps at the
-// latest: a run whose episode goes on is refused.
+// latest: a run whose episode goes on is refused. It comes with these values: set each field alone.
 struct StepResult {
   double reward = 0;
   double discount = 1;
   bool last = false;
-};
+  std::uint64_t struct_size = sizeof(StepResult);
 
-// A picture of the current state: rows of RGB bytes, top row first.
-struct RenderRequest {
-  std::uint32_t width = 0;
-  std::uint32_t height = 0;
-  std::uint32_t camera = 0;
+  StepResult& operator=(const StepResult&) = delete;  // the caller's may be shorter
 };
 
 class Environment {
@@ -85,22 +85,56 @@ class Environment {
   virtual Status Step(View<const double> action, View<double> observation,
                       StepResult* result) noexcept = 0;
 
+  // The extension of that name, StateSaving or Rendering; null: not offered.
+  virtual void* Extension(const char* name) noexcept {
+    static_cast<void>(name);
+    return nullptr;
+  }
+
+  virtual void Destroy() noexcept = 0;
+
+ protected:
+  ~Environment() = default;
+};
+
+// Extension: saves and restores the state. Without it a run that is resumed inside an episode
+// plays that episode again up to where it was, and the oracle cannot plan.
+class StateSaving {
+ public:
+  static constexpr const char* kName = "state/1";
+
+  virtual std::uint64_t state_bytes() const noexcept = 0;  // never changes
+
   // Copies the whole state, `state_bytes` long: restoring it and stepping gives
   // the very bits that stepping on would have given.
-  //   kUnimplemented       state_bytes is 0.
   virtual Status SaveState(View<std::byte> state) const noexcept = 0;
 
   // Goes to a state that SaveState wrote on an environment of the same task.
   //   kDataLoss            the bytes are not such a state; the environment is unchanged.
   virtual Status RestoreState(View<const std::byte> state) noexcept = 0;
 
-  // Draws the current state into width * height * 3 bytes. Optional.
+ protected:
+  ~StateSaving() = default;
+};
+
+// A picture of the current state: rows of RGB bytes, top row first.
+struct RenderRequest {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::uint32_t camera = 0;
+  std::uint64_t struct_size = sizeof(RenderRequest);
+};
+
+// Extension: draws pictures, for `runner render`, `explain` and `results report`.
+class Rendering {
+ public:
+  static constexpr const char* kName = "render/1";
+
+  // Draws the current state into width * height * 3 bytes.
   virtual Status Render(const RenderRequest& request, View<std::uint8_t> rgb) noexcept = 0;
 
-  virtual void Destroy() noexcept = 0;
-
  protected:
-  ~Environment() = default;
+  ~Rendering() = default;
 };
 
 // Maps an action from [-1, 1]^A affinely to the environment's own bounds. The

@@ -23,7 +23,9 @@
 
 #include <cstdint>
 
+#include "dreamsearch/extension.h"
 #include "dreamsearch/parameter.h"
+#include "dreamsearch/sized.h"
 #include "dreamsearch/status.h"
 #include "dreamsearch/stream.h"
 #include "dreamsearch/view.h"
@@ -38,29 +40,15 @@ struct ImagineRequest {
   ConstLatents latents;              // [B, latent_bytes]
   MatrixView<const double> actions;  // [B, A]
   View<const std::uint64_t> seeds;   // [B]
+  std::uint64_t struct_size = sizeof(ImagineRequest);
 };
 
 struct ImagineResult {
   Latents latents;         // [B, latent_bytes]: s' (must not overlap the request's)
   View<double> rewards;    // [B]: r(s')
   View<double> discounts;  // [B]: gamma, times the modelled chance to continue
+  std::uint64_t struct_size = sizeof(ImagineResult);
 };
-
-// The estimated values of a batch of latents. A model that estimates values with an ensemble
-// reports how far its members are apart; one without reports a deviation of 0 and the
-// value itself as the least.
-struct ValueResult {
-  View<double> values;      // [B]
-  View<double> deviations;  // [B]: standard deviation over the ensemble; empty: not asked for
-  View<double> least;       // [B]: the least of the ensemble; empty: not asked for
-};
-
-// Whether there is room for `rows` values, and as much or none for what is optional.
-inline bool HasRoom(const ValueResult& result, std::uint64_t rows) noexcept {
-  return result.values.size == rows &&
-         (result.deviations.empty() || result.deviations.size == rows) &&
-         (result.least.empty() || result.least.size == rows);
-}
 
 class LatentModel {
  public:
@@ -70,8 +58,8 @@ class LatentModel {
   // s' and r(s') for every row.
   virtual Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept = 0;
 
-  // v(s) for every row, and its spread where there is room for it.
-  virtual Status Value(ConstLatents latents, const ValueResult& result) noexcept = 0;
+  // v(s) for every row. values: [B].
+  virtual Status Value(ConstLatents latents, View<double> values) noexcept = 0;
 
   // The mode of the actor at every latent. actions: [B, A].
   virtual Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept = 0;
@@ -81,8 +69,77 @@ class LatentModel {
   virtual Status ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                                 MatrixView<double> actions) noexcept = 0;
 
+  // The extension of that name, ValueSpread, ReturnGradient or TensorExport; null: not offered.
+  virtual void* Extension(const char* name) noexcept {
+    static_cast<void>(name);
+    return nullptr;
+  }
+
  protected:
   ~LatentModel() = default;
+};
+
+// The estimated values of a batch of latents, by an ensemble.
+struct SpreadResult {
+  View<double> values;        // [B]: those of Value, to the bit
+  View<double> deviations{};  // [B]: standard deviation over the ensemble; empty: not asked for
+  View<double> least{};       // [B]: the least of the ensemble; empty: not asked for
+  std::uint64_t struct_size = sizeof(SpreadResult);
+};
+
+// Whether there is room for `rows` values, and as much or none for what is optional.
+inline bool HasRoom(const SpreadResult& result, std::uint64_t rows) noexcept {
+  return result.values.size == rows &&
+         (result.deviations.empty() || result.deviations.size == rows) &&
+         (result.least.empty() || result.least.size == rows);
+}
+
+// Extension of a model that estimates values with an ensemble: how far its members are apart.
+class ValueSpread {
+ public:
+  static constexpr const char* kName = "value_spread/1";
+
+  virtual Status Spread(ConstLatents latents, const SpreadResult& result) noexcept = 0;
+
+ protected:
+  ~ValueSpread() = default;
+};
+
+// B sequences of H actions from B latents.
+struct GradientRequest {
+  ConstLatents latents;              // [B, latent_bytes]: where the sequences begin
+  MatrixView<const double> actions;  // [B * H, A]: row b * H + t is action t of sequence b
+  View<const std::uint64_t> seeds;   // [B * H]: of the transitions, as in ImagineRequest
+  // The value after the last action: the ensemble's mean and so many of its deviations, or its
+  // least. A model without ValueSpread has no deviation, and its value is the least.
+  double deviations = 0;
+  bool least = false;
+  std::uint64_t struct_size = sizeof(GradientRequest);
+};
+
+struct GradientResult {
+  View<double> returns;          // [B]
+  MatrixView<double> gradients;  // [B * H, A]: of each return with respect to its own actions
+  std::uint64_t struct_size = sizeof(GradientResult);
+};
+
+// Extension of a model that is differentiable: the return of imagined sequences,
+//
+//     sum over t < H of (d_1 ... d_t) r_{t+1}  +  (d_1 ... d_H) v(s_H)
+//
+// with the rewards and discounts that Imagine gives for these actions and seeds and the value of
+// the last latent, and its gradient with respect to the actions: through transitions, rewards,
+// discounts, value and, if the value asks the actor, through the actor. The law of rows holds
+// for sequences. Declared by the trait kGivesGradients.
+class ReturnGradient {
+ public:
+  static constexpr const char* kName = "return_gradient/1";
+
+  virtual Status Gradient(const GradientRequest& request,
+                          const GradientResult& result) noexcept = 0;
+
+ protected:
+  ~ReturnGradient() = default;
 };
 
 // One decision's belief update. `previous` and `action` lead to `observation`;
@@ -95,6 +152,7 @@ struct ObserveRequest {
   // descriptor has kNeedsEnvironment; otherwise empty.
   MatrixView<const std::byte> environment_states;
   View<const std::uint64_t> seeds;  // [B]
+  std::uint64_t struct_size = sizeof(ObserveRequest);
 };
 
 // B sequences of T consecutive decisions. Where an episode is shorter than T, its sequences run
@@ -116,13 +174,15 @@ struct SequenceBatch {
   MatrixView<const float> search_actions;  // [B * T * K, A]
   View<const float> search_weights;        // [B * T * K]
   View<const float> search_values;         // [B * T]
+  std::uint64_t struct_size = sizeof(SequenceBatch);
 };
 
 struct TrainRequest {
-  SequenceBatch batch;
+  const SequenceBatch* batch = nullptr;
   std::uint64_t seed = 0;
   std::uint64_t update = 0;            // updates made before this one
   std::uint64_t environment_step = 0;  // environment steps made so far
+  std::uint64_t struct_size = sizeof(TrainRequest);
 };
 
 class Model : public LatentModel {
@@ -143,7 +203,7 @@ class Model : public LatentModel {
   // How many threads its calls may use from now on, 1 until it is told; at least 1.
   // Results do not depend on it. May come between any two calls; a model that cannot
   // have as many uses fewer.
-  virtual void SetThreads(std::uint32_t threads) noexcept = 0;
+  virtual void SetThreads(std::uint32_t threads) noexcept { static_cast<void>(threads); }
 
   // All that decides the future: parameters, optimiser moments, statistics,
   // counters. Load brings back the very bits.
@@ -151,13 +211,22 @@ class Model : public LatentModel {
   //   kDataLoss            not what Save wrote for these settings; the model is unusable.
   virtual Status Load(ByteSource* source) noexcept = 0;
 
-  // Hands every parameter array to the sink, named and shaped.
-  virtual Status Export(TensorSink* sink) const noexcept = 0;
-
   virtual void Destroy() noexcept = 0;
 
  protected:
   ~Model() = default;
+};
+
+// Extension: hands out the parameters, for `runner export`.
+class TensorExport {
+ public:
+  static constexpr const char* kName = "export/1";
+
+  // Hands every parameter array to the sink, named and shaped.
+  virtual Status Export(TensorSink* sink) const noexcept = 0;
+
+ protected:
+  ~TensorExport() = default;
 };
 
 }  // namespace dreamsearch

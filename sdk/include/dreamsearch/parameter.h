@@ -11,8 +11,6 @@
 #include <concepts>
 #include <cstdint>
 #include <cstring>
-#include <stdexcept>
-#include <string>
 
 #include "dreamsearch/view.h"
 
@@ -34,7 +32,7 @@ constexpr bool IsText(ParameterType type) {
 }
 
 // The value a parameter takes under a named preset; for kBool 0 or 1, for what IsText
-// see `choice`.
+// see `choice`. Frozen.
 struct PresetValue {
   const char* preset = nullptr;
   double number = 0;
@@ -58,6 +56,7 @@ struct ParameterSpec {
   // sizes. A trained agent may be evaluated under another value. Its default changes nothing.
   bool variation = false;
   PresetValue presets[kMaxPresets];
+  // Later fields go here.
 
   constexpr ParameterSpec Variation() const {
     ParameterSpec copy = *this;
@@ -165,34 +164,20 @@ struct ParameterValue {
   const char* name = nullptr;
   double number = 0;
   const char* choice = nullptr;  // what IsText
+  // Later fields go here.
 };
 
-// The resolved values of one component, valid during the factory call.
+// The resolved values of one component, valid during the factory call. settings.h reads them
+// into a struct; there each is named once, where it is declared. Frozen.
 struct Parameters {
-  View<const ParameterValue> values;
+  Records<ParameterValue> values;
 
+  // The value of a declared name, null for any other.
   const ParameterValue* Find(const char* name) const noexcept {
     for (const ParameterValue& value : values) {
       if (std::strcmp(value.name, name) == 0) return &value;
     }
     return nullptr;
-  }
-  // The value of a declared name. Throws std::invalid_argument for any other: catch it before
-  // it crosses the plugin's boundary (CreatePlanner and its like do). settings.h reads all
-  // values of a component without naming them again.
-  const ParameterValue& Of(const char* name) const {
-    const ParameterValue* value = Find(name);
-    if (value != nullptr) return *value;
-    throw std::invalid_argument(std::string("the component reads the parameter '") + name +
-                                "', which it does not declare");
-  }
-  bool GetBool(const char* name) const { return Of(name).number != 0; }
-  std::int64_t GetInt(const char* name) const { return static_cast<std::int64_t>(Of(name).number); }
-  double GetReal(const char* name) const { return Of(name).number; }
-  // Of what IsText.
-  const char* GetText(const char* name) const {
-    const char* text = Of(name).choice;
-    return text != nullptr ? text : "";
   }
 };
 
@@ -201,6 +186,7 @@ struct MetricSpec {
   const char* name = nullptr;  // snake_case, unique in its component
   const char* unit = nullptr;  // "" when it has none
   const char* help = nullptr;
+  // Later fields go here.
 };
 
 }  // namespace dreamsearch

@@ -21,35 +21,15 @@
 
 #include <cstdint>
 
+#include "dreamsearch/extension.h"
 #include "dreamsearch/model.h"
 #include "dreamsearch/parameter.h"
+#include "dreamsearch/sized.h"
 #include "dreamsearch/status.h"
 #include "dreamsearch/stream.h"
 #include "dreamsearch/view.h"
 
 namespace dreamsearch {
-
-// One edge of a search tree and the node it leads to, for pictures and tests.
-struct TreeEdge {
-  std::int64_t parent = -1;   // index of the parent's edge; -1 at the root
-  View<const double> action;  // [A]
-  std::uint64_t visits = 0;   // N
-  double q = 0;               // Q; 0 while N is 0
-  double prior = 0;           // P
-  double reward = 0;          // R: r(s'); 0 while not expanded
-  double discount = 0;        // discount of the transition; 0 while not expanded
-  double value = 0;           // v(s'); 0 while not expanded
-  bool expanded = false;
-};
-
-// Receives the edges of a finished search, parents before children.
-class TreeSink {
- public:
-  virtual void Edge(const TreeEdge& edge) noexcept = 0;
-
- protected:
-  ~TreeSink() = default;
-};
 
 struct PlanRequest {
   ConstLatents root;                   // [1, latent_bytes]
@@ -57,22 +37,20 @@ struct PlanRequest {
   std::uint64_t seed = 0;              // decides every draw of this decision
   std::uint64_t decision = 0;          // index in the episode
   std::uint64_t environment_step = 0;  // environment steps the run has made
-  TreeSink* tree = nullptr;            // where to report the tree; may be null
+  std::uint64_t struct_size = sizeof(PlanRequest);
 };
 
+// It comes with these values: set each field alone.
 struct PlanResult {
-  View<double> action;   // [A], filled by Plan, each in [-1, 1]
-  View<double> metrics;  // one for each MetricSpec of the component, filled by Plan
-  // The improved policy: what the search would have the actor do at the root, before the
-  // noise of exploration on the played action. Filled by a planner that declares
-  // kReportsPolicy with its K heaviest actions, heaviest first; the weights sum to 1, rows that
-  // are not needed have weight 0. Empty: not asked for.
-  MatrixView<double> policy_actions;  // [K, A], each in [-1, 1]
-  View<double> policy_weights;        // [K]
-  double value = 0;                   // the planner's estimate of the root's value
-  std::uint32_t simulations = 0;      // trajectories or tree simulations made
-  std::uint32_t nodes = 0;            // latents evaluated and kept
-  std::uint32_t depth = 0;            // most transitions from the root
+  View<double> action;            // [A], filled by Plan, each in [-1, 1]
+  View<double> metrics;           // one for each MetricSpec of the component, filled by Plan
+  double value = 0;               // the planner's estimate of the root's value
+  std::uint32_t simulations = 0;  // trajectories or tree simulations made
+  std::uint32_t nodes = 0;        // latents evaluated and kept
+  std::uint32_t depth = 0;        // most transitions from the root
+  std::uint64_t struct_size = sizeof(PlanResult);
+
+  PlanResult& operator=(const PlanResult&) = delete;  // the caller's may be shorter
 };
 
 class Planner {
@@ -80,6 +58,7 @@ class Planner {
   // Forgets the episode before and plans with `model` from now on. The model
   // outlives the episode.
   //   kInvalidArgument     the model's sizes are not those the planner was made for.
+  //   kFailedPrecondition  the planner needs an extension that the model does not offer.
   virtual Status BeginEpisode(LatentModel* model) noexcept = 0;
 
   // Chooses the action of one decision.
@@ -93,10 +72,67 @@ class Planner {
   virtual Status Save(ByteSink* sink) const noexcept = 0;
   virtual Status Load(ByteSource* source) noexcept = 0;
 
+  // The extension of that name, TreeReporting or PolicyReporting; null: not offered. The calls
+  // of both are about the last Plan, if it succeeded: they come right after it, before any other
+  // call of the planner, and ask nothing of the model.
+  virtual void* Extension(const char* name) noexcept {
+    static_cast<void>(name);
+    return nullptr;
+  }
+
   virtual void Destroy() noexcept = 0;
 
  protected:
   ~Planner() = default;
+};
+
+// One edge of a search tree and the node it leads to, for pictures and tests.
+struct TreeEdge {
+  std::int64_t parent = -1;   // index of the parent's edge; -1 at the root
+  View<const double> action;  // [A]
+  std::uint64_t visits = 0;   // N
+  double q = 0;               // Q; 0 while N is 0
+  double prior = 0;           // P
+  double reward = 0;          // R: r(s'); 0 while not expanded
+  double discount = 0;        // discount of the transition; 0 while not expanded
+  double value = 0;           // v(s'); 0 while not expanded
+  bool expanded = false;
+  std::uint64_t struct_size = sizeof(TreeEdge);
+};
+
+// Receives the edges of a finished search, parents before children.
+class TreeSink {
+ public:
+  virtual void Edge(const TreeEdge& edge) noexcept = 0;
+
+ protected:
+  ~TreeSink() = default;
+};
+
+// Extension: shows the search tree, for `runner explain` and --record-trees.
+class TreeReporting {
+ public:
+  static constexpr const char* kName = "tree/1";
+
+  virtual void ReportTree(TreeSink* sink) noexcept = 0;
+
+ protected:
+  ~TreeReporting() = default;
+};
+
+// Extension: the improved policy, for run.search_targets. Declared by the trait kReportsPolicy.
+class PolicyReporting {
+ public:
+  static constexpr const char* kName = "policy/1";
+
+  // What the search would have the actor do at the root, before the noise of exploration on the
+  // played action: its K heaviest actions, heaviest first; the weights sum to 1, rows that are
+  // not needed have weight 0. actions: [K, A], each in [-1, 1]; weights: [K].
+  //   kInvalidArgument     a view has the wrong size.
+  virtual Status ReportPolicy(MatrixView<double> actions, View<double> weights) noexcept = 0;
+
+ protected:
+  ~PolicyReporting() = default;
 };
 
 }  // namespace dreamsearch

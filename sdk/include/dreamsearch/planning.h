@@ -1,7 +1,7 @@
 // planning.h - what most planners need besides the interface.
 //
 // Aligned memory for latents, exploration noise, the use of values' spread, the checks of
-// planner.h, and a factory that turns exceptions into a Status. Nothing here crosses the plugin
+// planner.h, and the factory of factory.h. Nothing here crosses the plugin
 // boundary: a planner may use all of it or none.
 #pragma once
 
@@ -9,12 +9,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <exception>
 #include <memory>
 #include <new>
 #include <stdexcept>
 #include <vector>
 
+#include "dreamsearch/extension.h"
+#include "dreamsearch/factory.h"
 #include "dreamsearch/plugin.h"
 #include "dreamsearch/random.h"
 #include "dreamsearch/settings.h"
@@ -75,8 +76,8 @@ inline double ActionDistance(View<const double> a, View<const double> b) noexcep
   return std::sqrt(sum);
 }
 
-// How a search uses the spread of a model's values (ValueResult). A model without an ensemble
-// reports none, and these change nothing.
+// How a search uses the spread of a model's values (ValueSpread). With a model that offers none
+// these change nothing.
 struct ValueUse {
   double value_bonus;
   bool least_in_evaluation;
@@ -99,17 +100,17 @@ class SearchValues {
   }
 
   Status Ask(LatentModel* model, ConstLatents latents, bool explore, View<double> values) noexcept {
-    if (explore && use_.value_bonus != 0) {
-      const Status status = model->Value(
-          latents, {.values = values, .deviations = {deviations_.data(), values.size}});
-      for (std::uint64_t i = 0; i < values.size; ++i)
-        values[i] += use_.value_bonus * deviations_[i];
-      return status;
+    const bool bonus = explore && use_.value_bonus != 0;
+    const bool least = !explore && use_.least_in_evaluation;
+    auto* spread = bonus || least ? ExtensionOf<ValueSpread>(model) : nullptr;
+    if (spread == nullptr) return model->Value(latents, values);
+    if (least) {
+      return spread->Spread(latents, {.values = {means_.data(), values.size}, .least = values});
     }
-    if (!explore && use_.least_in_evaluation) {
-      return model->Value(latents, {.values = {means_.data(), values.size}, .least = values});
-    }
-    return model->Value(latents, {.values = values});
+    const Status status = spread->Spread(
+        latents, {.values = values, .deviations = {deviations_.data(), values.size}});
+    for (std::uint64_t i = 0; i < values.size; ++i) values[i] += use_.value_bonus * deviations_[i];
+    return status;
   }
 
  private:
@@ -163,28 +164,28 @@ inline Status CheckPlan(const PlannerSizes& sizes, const LatentModel* model,
                  static_cast<unsigned long long>(result->metrics.size),
                  static_cast<unsigned long long>(sizes.metrics));
   }
-  if (result->policy_actions.rows != result->policy_weights.size ||
-      (!result->policy_weights.empty() && result->policy_actions.cols != sizes.action_size)) {
-    return Error(StatusCode::kInvalidArgument,
-                 "there is room for a policy of %llu actions of %llu components and %llu weights, "
-                 "expected as many of %llu or none",
-                 static_cast<unsigned long long>(result->policy_actions.rows),
-                 static_cast<unsigned long long>(result->policy_actions.cols),
-                 static_cast<unsigned long long>(result->policy_weights.size),
-                 static_cast<unsigned long long>(sizes.action_size));
-  }
   return OkStatus();
 }
 
-// Fills the policy of a result, where there is room, with the heaviest of a search's actions, the
-// earlier of equals first. each(visit) calls visit(weight, action) for every action, in the same
-// order whenever it is called; a weight is not negative, at least one is positive.
+// PolicyReporting::ReportPolicy: the heaviest of a search's actions, the earlier of equals first.
+// each(visit) calls visit(weight, action) for every action, in the same order whenever it is
+// called; a weight is not negative, at least one is positive.
 template <typename Each>
-void ReportPolicy(Each each, PlanResult* result) noexcept {
+Status FillPolicy(const PlannerSizes& sizes, Each each, MatrixView<double> actions,
+                  View<double> weights) noexcept {
+  if (actions.rows != weights.size || actions.cols != sizes.action_size) {
+    return Error(StatusCode::kInvalidArgument,
+                 "there is room for a policy of %llu actions of %llu components and %llu weights, "
+                 "expected as many of %llu",
+                 static_cast<unsigned long long>(actions.rows),
+                 static_cast<unsigned long long>(actions.cols),
+                 static_cast<unsigned long long>(weights.size),
+                 static_cast<unsigned long long>(sizes.action_size));
+  }
   double last_weight = 0, sum = 0;
   std::uint64_t last = 0;
-  for (std::uint64_t k = 0; k < result->policy_weights.size; ++k) {
-    const View<double> kept = result->policy_actions.row(k);
+  for (std::uint64_t k = 0; k < weights.size; ++k) {
+    const View<double> kept = actions.row(k);
     double best_weight = 0;
     std::uint64_t i = 0, best = 0;
     each([&](double weight, View<const double> action) {
@@ -197,11 +198,12 @@ void ReportPolicy(Each each, PlanResult* result) noexcept {
       std::copy_n(action.data, action.size, kept.data);
     });
     if (best_weight == 0) std::fill_n(kept.data, kept.size, 0.0);
-    result->policy_weights[k] = last_weight = best_weight;
+    weights[k] = last_weight = best_weight;
     last = best;
     sum += best_weight;
   }
-  for (double& weight : result->policy_weights) weight /= sum;
+  for (double& weight : weights) weight /= sum;
+  return OkStatus();
 }
 
 // kNotFinite unless every value is finite; `what` names one of them.
@@ -217,10 +219,11 @@ inline Status CheckFinite(const char* what, View<const double> values) noexcept 
 }
 
 // A planner that carries nothing from one decision to the next: a class of it writes Plan, which
-// begins with CheckPlan(sizes_, model_, request, result).
+// begins with CheckPlan(sizes_, model_, request, result). One with extensions derives from
+// Offers<MemorylessPlanner, ...>.
 class MemorylessPlanner : public Planner {
  public:
-  Status BeginEpisode(LatentModel* model) noexcept final {
+  Status BeginEpisode(LatentModel* model) noexcept override {
     if (Status status = CheckModel(sizes_, model); !status.ok()) return status;
     model_ = model;
     return OkStatus();
@@ -238,20 +241,5 @@ class MemorylessPlanner : public Planner {
   const PlannerSizes sizes_;
   LatentModel* model_ = nullptr;  // from the first BeginEpisode on
 };
-
-// A PlannerFactory for a class with a constructor from PlannerContext that throws
-// std::invalid_argument for settings that do not go together.
-template <typename T>
-Status CreatePlanner(const PlannerContext& context, Planner** result) noexcept {
-  *result = nullptr;
-  try {
-    *result = new T(context);
-    return OkStatus();
-  } catch (const std::invalid_argument& error) {
-    return Error(StatusCode::kInvalidArgument, "%s", error.what());
-  } catch (const std::exception& error) {
-    return Error(StatusCode::kInternal, "cannot make the planner: %s", error.what());
-  }
-}
 
 }  // namespace dreamsearch

@@ -1,9 +1,9 @@
 // plugin.h - what a shared library exports to be a dreamsearch plugin.
 //
-// A library exports one C function, `dreamsearch_plugin_v0` (named after the
-// SDK's major version), that returns its PluginDescriptor. Everything else is
-// hidden. The descriptor and all it points to are constant and live as long as
-// the library, which the host keeps loaded until it exits.
+// A library exports one C function, `dreamsearch_sdk_1` (named after the SDK's
+// major version), that returns its PluginDescriptor. Everything else is hidden. The descriptor and
+// all it points to are constant and live as long as the library, which the host keeps loaded until
+// it exits.
 //
 //   const ComponentDescriptor kComponents[] = {{ .kind = ..., .name = ... }};
 //   DREAMSEARCH_PLUGIN("my_planner", "1.0.0", kComponents)
@@ -11,7 +11,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <initializer_list>
 
 #include "dreamsearch/environment.h"
 #include "dreamsearch/model.h"
@@ -45,18 +44,22 @@ enum Trait : std::uint32_t {
   // Imagine. kActorAlone: chooses by the actor alone, exploration aside, so that its
   // episodes are those without search and are played once; excludes kSearches. A planner
   // with neither (random actions) is compared with the actor alone, as a search is.
-  // kReportsPolicy: fills the policy of PlanResult where there is room.
+  // kReportsPolicy: offers PolicyReporting. kNeedsGradients: plans only with a model that
+  // gives gradients.
   kSearches = 1u << 0,
   kActorAlone = 1u << 1,
   // Models. kLearns: Train changes it; of a model without it Train is never called.
   // kNeedsEnvironment: see ModelContext::environment. kDefault: a command that names no
   // model takes this one; to train the one that learns, to play without a trained run the
   // one that does not. kLearnsFromSearch: Train uses the searches of a SequenceBatch.
+  // kGivesGradients: offers ReturnGradient.
   kLearns = 1u << 2,
   kNeedsEnvironment = 1u << 3,
   kDefault = 1u << 4,
   kReportsPolicy = 1u << 5,
   kLearnsFromSearch = 1u << 6,
+  kGivesGradients = 1u << 7,
+  kNeedsGradients = 1u << 8,
 };
 
 // The bits that a component of that kind may have.
@@ -65,9 +68,9 @@ constexpr std::uint32_t TraitsOf(ComponentKind kind) noexcept {
     case ComponentKind::kEnvironment:
       return 0;
     case ComponentKind::kModel:
-      return kLearns | kNeedsEnvironment | kDefault | kLearnsFromSearch;
+      return kLearns | kNeedsEnvironment | kDefault | kLearnsFromSearch | kGivesGradients;
     case ComponentKind::kPlanner:
-      return kSearches | kActorAlone | kReportsPolicy;
+      return kSearches | kActorAlone | kReportsPolicy | kNeedsGradients;
   }
   return 0;
 }
@@ -75,6 +78,7 @@ constexpr std::uint32_t TraitsOf(ComponentKind kind) noexcept {
 struct EnvironmentContext {
   Parameters parameters;
   std::uint32_t action_repeat = 1;  // environment steps a decision; the host repeats
+  std::uint64_t struct_size = sizeof(EnvironmentContext);
 };
 
 struct ModelContext {
@@ -91,12 +95,14 @@ struct ModelContext {
   // Only for such a model, and only if the run names a trained run: that run's
   // model, for proposal and value; otherwise null. Outlives it.
   Model* trained_model = nullptr;
+  std::uint64_t struct_size = sizeof(ModelContext);
 };
 
 struct PlannerContext {
   Parameters parameters;
   std::uint64_t action_size = 0;   // A
   std::uint64_t latent_bytes = 0;  // of the model it will plan with
+  std::uint64_t struct_size = sizeof(PlannerContext);
 };
 
 // What a model or an environment asks of the host under a preset: the value of one of the host's
@@ -107,6 +113,7 @@ struct RunPreset {
   const char* name = nullptr;    // of the parameter: "batch_size"
   const char* preset = nullptr;  // "fast"
   double number = 0;
+  // Later fields go here.
 };
 
 // Factories return an object that its Destroy() ends, or a failed Status that
@@ -124,64 +131,35 @@ struct ComponentDescriptor {
   const char* aliases = nullptr;  // other names, "one,two"; may be null
   const char* version = nullptr;  // of the component
   const char* summary = nullptr;  // one line
-  View<const ParameterSpec> parameters;
-  View<const MetricSpec> metrics;     // what Plan or Train reports
-  View<const RunPreset> run_presets;  // of models and environments
+  Records<ParameterSpec> parameters{};
+  Records<MetricSpec> metrics{};     // what Plan or Train reports
+  Records<RunPreset> run_presets{};  // of models and environments
   // Environments that play many things: the text parameter that says which. The task is then
   // called NAME:TEXT, "gym:Hopper-v5", in command lines, databases and figures.
   const char* task_parameter = nullptr;
   EnvironmentFactory create_environment = nullptr;
   ModelFactory create_model = nullptr;
   PlannerFactory create_planner = nullptr;
+  // Later fields go here.
 };
-
-// A number that changes when the memory layout of the boundary changes: the
-// sizes of every struct that crosses it, as this compiler lays them out.
-constexpr std::uint64_t LayoutTag() noexcept {
-  std::uint64_t tag = DREAMSEARCH_SDK_MAJOR;
-  for (const std::uint64_t size : {std::uint64_t{sizeof(Status)}, sizeof(View<double>),
-                                   sizeof(MatrixView<double>),    sizeof(ParameterSpec),
-                                   sizeof(ParameterValue),        sizeof(MetricSpec),
-                                   sizeof(ObservationPart),       sizeof(Ingredient),
-                                   sizeof(EnvironmentSpec),       sizeof(StepResult),
-                                   sizeof(RenderRequest),         sizeof(ImagineRequest),
-                                   sizeof(ImagineResult),         sizeof(ValueResult),
-                                   sizeof(ObserveRequest),        sizeof(SequenceBatch),
-                                   sizeof(TrainRequest),          sizeof(TreeEdge),
-                                   sizeof(PlanRequest),           sizeof(PlanResult),
-                                   sizeof(EnvironmentContext),    sizeof(ModelContext),
-                                   sizeof(PlannerContext),        sizeof(RunPreset),
-                                   sizeof(ComponentDescriptor)}) {
-    tag = tag * 1099511628211ull ^ size;
-  }
-  return tag;
-}
-
-// Counts changes to the order or the number of virtual functions, which no
-// layout tag can see. Raise it with every such change.
-inline constexpr std::uint32_t kInterfaceRevision = 2;
 
 inline constexpr std::uint64_t kPluginMagic = 0x6d61657264534e50ull;
 
-// The first four fields keep their place in every version, so that a host can
-// refuse a library of any other version before it reads further.
+// The first four fields keep their place in every version.
 struct PluginDescriptor {
   std::uint64_t magic = kPluginMagic;
   std::uint32_t sdk_major = DREAMSEARCH_SDK_MAJOR;
   std::uint32_t sdk_minor = DREAMSEARCH_SDK_MINOR;
-  std::uint32_t struct_size = 0;
-  std::uint32_t interface_revision = kInterfaceRevision;
-  std::uint64_t layout_tag = LayoutTag();
+  std::uint64_t struct_size = sizeof(PluginDescriptor);
   const char* name = nullptr;
   const char* version = nullptr;
-  View<const ComponentDescriptor> components;
+  Records<ComponentDescriptor> components;
+  // Later fields go here.
 };
 
 using PluginEntry = const PluginDescriptor* (*)();
 
-inline constexpr const char* kPluginEntrySymbol = "dreamsearch_plugin_v0";
-// What plugins exported before SDK 0.1; no version will use the name again.
-inline constexpr const char* kRetiredEntrySymbol = "dreamsearch_plugin_v1";
+inline constexpr const char* kPluginEntrySymbol = "dreamsearch_sdk_1";
 
 template <std::uint64_t N, typename T>
 constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
@@ -193,11 +171,12 @@ constexpr View<const T> ViewOf(const T (&array)[N]) noexcept {
 // Exports `components`, an array of ComponentDescriptor with static storage.
 #define DREAMSEARCH_PLUGIN(plugin_name, plugin_version, plugin_components)                 \
   extern "C" __attribute__((visibility("default"))) const ::dreamsearch::PluginDescriptor* \
-  dreamsearch_plugin_v0() {                                                                \
+  dreamsearch_sdk_1() {                                                                    \
     static constexpr ::dreamsearch::PluginDescriptor descriptor = {                        \
-        .struct_size = sizeof(::dreamsearch::PluginDescriptor),                            \
         .name = plugin_name,                                                               \
         .version = plugin_version,                                                         \
         .components = ::dreamsearch::ViewOf(plugin_components)};                           \
     return &descriptor;                                                                    \
   }
+
+#include "dreamsearch/layout.h"  // IWYU pragma: keep

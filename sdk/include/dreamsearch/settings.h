@@ -97,6 +97,11 @@ void Assign(Settings* settings, const ParameterSpec& spec, const ParameterValue&
   }
 }
 
+inline const ParameterValue& ValueOf(const Parameters& parameters, const char* name) {
+  if (const ParameterValue* value = parameters.Find(name)) return *value;
+  throw std::invalid_argument(std::string("there is no value for the parameter '") + name + "'");
+}
+
 template <auto kMember>
 struct BoundParameter {
   ParameterSpec spec;
@@ -115,11 +120,12 @@ class SettingsTable {
   constexpr View<const ParameterSpec> declared() const { return {specs_, kCount}; }
 
   // The resolved values. Throws std::invalid_argument if one is missing, which the host never
-  // lets happen to a component that declares declared().
+  // lets happen to a component that declares declared(); catch it before it crosses the
+  // boundary, as CreatePlanner and its like do.
   Settings Read(const Parameters& parameters) const {
     Settings settings{};
     for (std::size_t i = 0; i < kCount; ++i) {
-      assign_[i](&settings, specs_[i], parameters.Of(specs_[i].name));
+      assign_[i](&settings, specs_[i], settings_internal::ValueOf(parameters, specs_[i].name));
     }
     return settings;
   }

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <cstdio>
 
+#include "dreamsearch/version.h"
+
 namespace dreamsearch {
 
 enum class StatusCode : std::uint32_t {
@@ -16,7 +18,7 @@ enum class StatusCode : std::uint32_t {
   kFailedPrecondition = 2,  // the call came too early, or the object cannot serve it
   kNotFinite = 3,           // NaN or infinity appeared; outputs are unset
   kDiverged = 4,            // the simulator reported a physics warning
-  kUnimplemented = 5,       // optional call this component does not offer
+  kUnimplemented = 5,       // a call that this component cannot serve
   kDataLoss = 6,            // saved bytes are not what Save() wrote
   kInternal = 7,            // a defect of the component
 };

@@ -7,6 +7,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <iterator>
+
+#include "dreamsearch/version.h"
 
 namespace dreamsearch {
 
@@ -42,6 +46,71 @@ struct MatrixView {
   std::uint64_t size() const noexcept { return rows * cols; }
   // NOLINTNEXTLINE(google-explicit-constructor)
   operator MatrixView<const T>() const noexcept { return {data, rows, cols}; }
+};
+
+// `size` structs in a row, each `stride` bytes behind the one before: their writer may know
+// more of them, or fewer, than this version of T has fields. Of an element by reference read
+// the fields of SDK 1.0; At gives every field.
+template <typename T>
+struct Records {
+  class Iterator;
+
+  const T* data = nullptr;
+  std::uint64_t size = 0;
+  std::uint64_t stride = sizeof(T);
+
+  constexpr Records() = default;
+  constexpr Records(const T* first, std::uint64_t count) : data(first), size(count) {}
+  // NOLINTNEXTLINE(google-explicit-constructor): an array of this version's T.
+  constexpr Records(View<const T> array) : data(array.data), size(array.size) {}
+
+  const T& operator[](std::uint64_t i) const noexcept {
+    return *reinterpret_cast<const T*>(reinterpret_cast<const std::byte*>(data) + i * stride);
+  }
+  // A copy, in which a field that the writer does not know has its default.
+  T At(std::uint64_t i) const noexcept {
+    T element{};
+    std::memcpy(static_cast<void*>(&element), &(*this)[i],
+                stride < sizeof element ? stride : sizeof element);
+    return element;
+  }
+  Iterator begin() const noexcept { return {this, 0}; }
+  Iterator end() const noexcept { return {this, size}; }
+  bool empty() const noexcept { return size == 0; }
+};
+
+template <typename T>
+class Records<T>::Iterator {
+ public:
+  using iterator_category = std::forward_iterator_tag;
+  using value_type = T;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const T*;
+  using reference = const T&;
+
+  Iterator() = default;
+  Iterator(const Records* records, std::uint64_t index)
+      : first_(records->data), stride_(records->stride), index_(index) {}
+  const T& operator*() const noexcept {
+    return *reinterpret_cast<const T*>(reinterpret_cast<const std::byte*>(first_) +
+                                       index_ * stride_);
+  }
+  const T* operator->() const noexcept { return &**this; }
+  Iterator& operator++() noexcept {
+    ++index_;
+    return *this;
+  }
+  Iterator operator++(int) noexcept {
+    Iterator before = *this;
+    ++index_;
+    return before;
+  }
+  bool operator==(const Iterator& other) const noexcept { return index_ == other.index_; }
+
+ private:
+  const T* first_ = nullptr;
+  std::uint64_t stride_ = 0;
+  std::uint64_t index_ = 0;
 };
 
 // A batch of latents, one a row; cols is the model's latent_bytes. Opaque: copy

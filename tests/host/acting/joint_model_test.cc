@@ -69,7 +69,7 @@ struct alignas(kLatentAlignment) State {
 
 // A model whose every answer is a closed form of the row's own latent, action,
 // observation and seed; counts what it is asked, and goes wrong where a test says so.
-class Linear final : public Model {
+class Linear final : public Offers<Model, ValueSpread, ReturnGradient> {
  public:
   struct Count {
     std::uint64_t calls = 0, rows = 0, most_rows = 0;
@@ -79,7 +79,7 @@ class Linear final : public Model {
       most_rows = std::max(most_rows, n);
     }
   };
-  Count imagine, value, mode, samples, observe;
+  Count imagine, gradient, value, spread, mode, samples, observe;
   // Latents whose x[7] is this value as nothing; a request that holds one is refused.
   double poison = std::numeric_limits<double>::quiet_NaN();
   double busy_seconds = 0;  // that Imagine takes
@@ -102,8 +102,36 @@ class Linear final : public Model {
     }
     return OkStatus();
   }
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+  // Sequences are worth the sum of their actions, each by its place, and of their seeds' last
+  // digits.
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept override {
+    gradient.Add(request.latents.rows);
+    const std::uint64_t steps = request.actions.rows / request.latents.rows;
+    for (std::uint64_t i = 0; i < request.latents.rows; ++i) {
+      const double start = At(request.latents, i).x[0] + request.deviations;
+      result.returns[i] = request.least ? -start : start;
+      for (std::uint64_t t = 0; t < steps; ++t) {
+        const std::uint64_t row = i * steps + t;
+        result.returns[i] += static_cast<double>(request.seeds[row] % 10);
+        for (std::uint64_t j = 0; j < kActions; ++j) {
+          result.returns[i] += static_cast<double>(t) * request.actions(row, j);
+          result.gradients(row, j) = static_cast<double>(t) + start;
+        }
+      }
+    }
+    return OkStatus();
+  }
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
     value.Add(latents.rows);
+    if (Status status = Refuses(latents); !status.ok()) return status;
+    for (std::uint64_t i = 0; i < latents.rows; ++i) {
+      const State state = At(latents, i);
+      values[i] = std::cos(state.x[0]) + state.x[1];
+    }
+    return OkStatus();
+  }
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept override {
+    spread.Add(latents.rows);
     if (Status status = Refuses(latents); !status.ok()) return status;
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
       const State state = At(latents, i);
@@ -153,10 +181,8 @@ class Linear final : public Model {
     return OkStatus();
   }
   Status Train(const TrainRequest&, View<double>) noexcept override { return OkStatus(); }
-  void SetThreads(std::uint32_t) noexcept override {}
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
-  Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override { delete this; }
 
  private:
@@ -186,7 +212,7 @@ class Linear final : public Model {
 
 // A point that is pushed about; its episodes end after 4 to 9 steps if `uneven`, else
 // after 6. It shows the episode's number, by its seed, as the third component.
-class Push final : public Environment {
+class Push final : public Offers<Environment, StateSaving> {
  public:
   Push(bool uneven, std::map<std::uint32_t, double> numbers)
       : uneven_(uneven), numbers_(std::move(numbers)) {
@@ -197,7 +223,6 @@ class Push final : public Environment {
     spec_.action_high = {high_, kActions};
     spec_.control_seconds = 0.1;
     spec_.episode_steps = 9;
-    spec_.state_bytes = sizeof state_;
   }
   const EnvironmentSpec& spec() const noexcept override { return spec_; }
   Status Reset(std::uint32_t seed, View<double> observation) noexcept override {
@@ -215,10 +240,12 @@ class Push final : public Environment {
     state_.x += 0.2 * action[0];
     state_.y += 0.1 * action[1];
     state_.t += 1;
-    *result = {1 - std::abs(state_.x) + state_.y, 1, state_.t >= state_.length};
+    result->reward = 1 - std::abs(state_.x) + state_.y;
+    result->last = state_.t >= state_.length;
     Show(observation);
     return OkStatus();
   }
+  std::uint64_t state_bytes() const noexcept override { return sizeof state_; }
   Status SaveState(View<std::byte> state) const noexcept override {
     std::memcpy(state.data, &state_, sizeof state_);
     return OkStatus();
@@ -226,9 +253,6 @@ class Push final : public Environment {
   Status RestoreState(View<const std::byte> state) noexcept override {
     std::memcpy(&state_, state.data, sizeof state_);
     return OkStatus();
-  }
-  Status Render(const RenderRequest&, View<std::uint8_t>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "nothing to see");
   }
   void Destroy() noexcept override { delete this; }
 
@@ -535,7 +559,7 @@ TEST(JointModel, AnswersEachSeatWithItsOwnRows) {
   const auto ask = [](Model* asked, std::uint64_t rows, std::vector<double>* out) {
     std::vector<State> states(rows), next(rows);
     for (std::uint64_t i = 0; i < rows; ++i) states[i].x[0] = 0.1 * static_cast<double>(rows + i);
-    std::vector<double> actions(rows * kActions, 0.25), numbers(5 * rows);
+    std::vector<double> actions(rows * kActions, 0.25), numbers(7 * rows);
     std::vector<std::uint64_t> seeds(rows);
     FillSeeds(rows, {seeds.data(), rows});
     const ConstLatents from{reinterpret_cast<const std::byte*>(states.data()), rows, sizeof(State)};
@@ -551,16 +575,31 @@ TEST(JointModel, AnswersEachSeatWithItsOwnRows) {
     ASSERT_TRUE(
         asked->ProposeSamples(to, {seeds.data(), rows}, {proposals.data(), 2 * rows, kActions})
             .ok());
-    // The first asks for the values alone, the others for all there is.
-    const ValueResult values =
-        rows == 1 ? ValueResult{room(2), {}, {}} : ValueResult{room(2), room(3), room(4)};
-    ASSERT_TRUE(asked->Value(to, values).ok());
+    ASSERT_TRUE(asked->Value(to, room(2)).ok());
+    auto* spread = ExtensionOf<ValueSpread>(asked);
+    // The first asks for the deviations alone, the others for all there is.
+    const View<double> least = rows == 1 ? View<double>() : room(4);
+    ASSERT_TRUE(spread->Spread(to, {room(5), room(3), least}).ok());
+    // Sequences of three actions: the first asks for the least value, the others for the mean.
+    std::vector<double> sequences(3 * rows * kActions), gradients(3 * rows * kActions);
+    for (std::size_t i = 0; i < sequences.size(); ++i) sequences[i] = 0.01 * static_cast<double>(i);
+    std::vector<std::uint64_t> own_seeds(3 * rows);
+    FillSeeds(rows + 100, {own_seeds.data(), own_seeds.size()});
+    GradientRequest request{
+        to, {sequences.data(), 3 * rows, kActions}, {own_seeds.data(), own_seeds.size()}};
+    request.least = rows == 1;
+    ASSERT_TRUE(ExtensionOf<ReturnGradient>(asked)
+                    ->Gradient(request, {room(6), {gradients.data(), 3 * rows, kActions}})
+                    .ok());
     *out = numbers;
     out->insert(out->end(), proposals.begin(), proposals.end());
+    out->insert(out->end(), gradients.begin(), gradients.end());
   };
   joint.Run([&](std::size_t i) { ask(joint.seat(i), i + 1, &answers[i]); });
   EXPECT_EQ(model.imagine.calls, 1u);
-  EXPECT_EQ(model.value.calls, 2u) << "with and without the spread";
+  EXPECT_EQ(model.value.calls, 1u);
+  EXPECT_EQ(model.spread.calls, 2u) << "with and without the least";
+  EXPECT_EQ(model.gradient.calls, 2u) << "by the least value and by the mean";
   EXPECT_EQ(model.samples.calls, 1u);
   for (std::size_t i = 0; i < 3; ++i) {
     ask(joint.seat(i), i + 1, &expected[i]);  // outside of Run it is the model itself
@@ -578,7 +617,7 @@ TEST(JointModel, JoinsNoMoreRowsThanItSays) {
     ASSERT_TRUE(joint.seat(i)
                     ->Value({reinterpret_cast<const std::byte*>(states.data()), states.size(),
                              sizeof(State)},
-                            {.values = {values.data(), values.size()}})
+                            {values.data(), values.size()})
                     .ok());
   });
   EXPECT_EQ(model.value.calls, 3u) << "one that is larger alone, two together, one left";

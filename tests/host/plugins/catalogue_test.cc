@@ -83,7 +83,7 @@ TEST(Catalogue, DescribesEveryFieldOfAComponent) {
   EXPECT_EQ(planner->plugin.version, "1.2.3");
   EXPECT_EQ(planner->plugin.path, file.string());
   EXPECT_EQ(planner->plugin.sha256, Sha256HexOfFile(file));
-  EXPECT_EQ(planner->plugin.sdk_major, 0u);
+  EXPECT_EQ(planner->plugin.sdk_major, std::uint32_t{DREAMSEARCH_SDK_MAJOR});
   EXPECT_EQ(planner->plugin.sdk_minor, std::uint32_t{DREAMSEARCH_SDK_MINOR});
   ASSERT_EQ(planner->parameters.size(), 4u);
   EXPECT_EQ(planner->parameters[0].name, "noise");

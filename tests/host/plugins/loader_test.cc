@@ -9,6 +9,7 @@
 
 #include "host/plugins/descriptor_check.h"
 #include "host/plugins/plugin_loader.h"
+#include "host/plugins/received_plugin.h"
 #include "results/system/error.h"
 #include "tests/host/plugins/corpus/tiny_plugin.h"
 #include "tests/host/plugins/library_folder.h"
@@ -90,16 +91,16 @@ TEST(LoadPlugin, SaysExpectedAndFoundOfAnotherSdk) {
     SCOPED_TRACE(name);
     ExpectMessage(Refusal([&] { LoadPlugin(Corpus(name)); }), ExitCode::kPluginRefused, parts);
   };
-  refused("before_0_1", {"expected the symbol dreamsearch_plugin_v0 of SDK 0.5, found "
-                         "dreamsearch_plugin_v1: it was built before SDK 0.1; rebuild it"});
-  refused("newer_major", {"expected the symbol dreamsearch_plugin_v0", "dreamsearch_plugin_v2"});
-  refused("other_major_field", {"expected SDK version 0.5, found 7.5"});
-  refused("newer_minor", {"expected SDK version 0.5, found 0.6"});
-  refused("older_minor", {"expected SDK version 0.5, found 0.4"});
-  refused("short_descriptor",
-          {std::to_string(sizeof(PluginDescriptor)) + " bytes, found 32 bytes"});
-  refused("interface_revision", {"interface revision 2, found 3"});
-  refused("layout_changed", {"layout tag", "found 0x"});
+  refused("before_0_1", {"expected the symbol dreamsearch_sdk_1, found dreamsearch_plugin_v1: it "
+                         "was built before SDK 1.0; rebuild it against this SDK (1.0)"});
+  refused("before_1_0", {"found dreamsearch_plugin_v0: it was built before SDK 1.0; rebuild it"});
+  refused("newer_major", {"expected the symbol dreamsearch_sdk_1, found dreamsearch_sdk_2 of "
+                          "another major version of the SDK; rebuild it"});
+  refused("other_major_field", {"expected SDK major version 1, found 7"});
+  refused("short_descriptor", {"expected a descriptor of at least 64 bytes, a multiple of 8, "
+                               "found 32 bytes"});
+  refused("short_stride", {"the components: expected entries of at least 144 bytes, a multiple of "
+                           "8, found 64 bytes"});
   refused("other_magic", {"magic number", "found 0x0000000000001234"});
   refused("no_entry", {"not a dreamsearch plugin"});
   refused("null_descriptor", {"returned no descriptor"});
@@ -119,11 +120,13 @@ Status MakeNoModel(const ModelContext&, Model** result) noexcept {
 
 Failure CheckComponents(const std::vector<ComponentDescriptor>& components) {
   PluginDescriptor plugin;
-  plugin.struct_size = sizeof plugin;
   plugin.name = "tiny";
   plugin.version = "1";
   plugin.components = {components.data(), components.size()};
-  return Refusal([&] { CheckPluginDescriptor(&plugin, "tiny.so"); });
+  return Refusal([&] {
+    const ReceivedPlugin received(&plugin, "tiny.so");
+    CheckDeclarations(received.plugin(), "tiny.so");
+  });
 }
 
 Failure CheckChanged(const std::function<void(ComponentDescriptor*)>& change) {
@@ -138,13 +141,37 @@ Failure CheckParameters(const std::vector<ParameterSpec>& parameters) {
   });
 }
 
+TEST(ReceivedPlugin, LeavesOutOfANewerPluginWhatThisVersionDoesNotKnow) {
+  ComponentDescriptor components[] = {TinyPlanner("tiny"), TinyPlanner("later")};
+  components[0].traits = kSearches | 1u << 31;
+  components[1].kind = static_cast<ComponentKind>(9);
+  PluginDescriptor plugin;
+  plugin.name = "tiny";
+  plugin.version = "1";
+  plugin.components = {components, 2};
+  const auto refusal = [&] {
+    return Refusal([&] {
+      const ReceivedPlugin received(&plugin, "tiny.so");
+      CheckDeclarations(received.plugin(), "tiny.so");
+      ASSERT_EQ(received.plugin().components.size, 1u);
+      EXPECT_STREQ(received.plugin().components[0].name, "tiny");
+      EXPECT_EQ(received.plugin().components[0].traits, kSearches);
+    });
+  };
+  plugin.sdk_minor = DREAMSEARCH_SDK_MINOR + 1;
+  EXPECT_EQ(refusal().code(), ExitCode::kOk);
+  // In a plugin of our own age both are mistakes.
+  plugin.sdk_minor = DREAMSEARCH_SDK_MINOR;
+  ExpectMessage(refusal(), ExitCode::kPluginRefused, {"component 0 ('tiny')"});
+}
+
 constexpr ExitCode kRefused = ExitCode::kPluginRefused;
 
-TEST(CheckPluginDescriptor, AcceptsTheTinyPlanner) {
+TEST(CheckDeclarations, AcceptsTheTinyPlanner) {
   EXPECT_EQ(CheckChanged([](ComponentDescriptor*) {}).code(), ExitCode::kOk);
 }
 
-TEST(CheckPluginDescriptor, WantsAKnownKindWithItsFactoryAlone) {
+TEST(CheckDeclarations, WantsAKnownKindWithItsFactoryAlone) {
   ExpectMessage(CheckComponents({}), kRefused, {"at least one component"});
   ExpectMessage(CheckChanged([](auto* c) { c->kind = static_cast<ComponentKind>(4); }), kRefused,
                 {"expected kind 1 (environment), 2 (model) or 3 (planner), found 4"});
@@ -156,7 +183,7 @@ TEST(CheckPluginDescriptor, WantsAKnownKindWithItsFactoryAlone) {
                 {"expected create_model", "found create_planner"});
 }
 
-TEST(CheckPluginDescriptor, WantsTraitsOfTheKindAndNoneThatContradictEachOther) {
+TEST(CheckDeclarations, WantsTraitsOfTheKindAndNoneThatContradictEachOther) {
   ExpectMessage(CheckChanged([](auto* c) { c->traits = kNeedsEnvironment; }), kRefused,
                 {"component 0 ('tiny')", "those of a planner", "found 8"});
   ExpectMessage(CheckChanged([](auto* c) { c->traits = 1u << 31; }), kRefused,
@@ -166,7 +193,7 @@ TEST(CheckPluginDescriptor, WantsTraitsOfTheKindAndNoneThatContradictEachOther) 
   EXPECT_EQ(CheckChanged([](auto* c) { c->traits = kActorAlone; }).code(), ExitCode::kOk);
 }
 
-TEST(CheckPluginDescriptor, RefusesRunPresetsOfAPlannerOrNotClear) {
+TEST(CheckDeclarations, RefusesRunPresetsOfAPlannerOrNotClear) {
   static constexpr RunPreset kOne[] = {{"batch_size", "fast", 256}};
   static constexpr RunPreset kTwice[] = {{"batch_size", "fast", 256}, {"batch_size", "fast", 128}};
   static constexpr RunPreset kInfinite[] = {
@@ -190,7 +217,7 @@ TEST(CheckPluginDescriptor, RefusesRunPresetsOfAPlannerOrNotClear) {
                 {"its preset"});
 }
 
-TEST(CheckPluginDescriptor, WantsNamesThatAreUniqueInAKind) {
+TEST(CheckDeclarations, WantsNamesThatAreUniqueInAKind) {
   for (const char* name :
        {"", "Upper", "9lives", "with space", "a-b", "\xc3\xa9t\xc3\xa9", "a.b"}) {
     EXPECT_EQ(CheckChanged([&](auto* c) { c->name = name; }).code(), kRefused) << name;
@@ -202,7 +229,7 @@ TEST(CheckPluginDescriptor, WantsNamesThatAreUniqueInAKind) {
   EXPECT_EQ(CheckChanged([](auto* c) { c->aliases = "one,two"; }).code(), ExitCode::kOk);
 }
 
-TEST(CheckPluginDescriptor, WantsTextsOfOneLineInUtf8) {
+TEST(CheckDeclarations, WantsTextsOfOneLineInUtf8) {
   ExpectMessage(CheckChanged([](auto* c) { c->summary = "two\nlines"; }), kRefused,
                 {"byte 10 at 3"});
   ExpectMessage(CheckChanged([](auto* c) { c->summary = "bad \xff byte"; }), kRefused, {"UTF-8"});
@@ -215,7 +242,7 @@ TEST(CheckPluginDescriptor, WantsTextsOfOneLineInUtf8) {
             ExitCode::kOk);
 }
 
-TEST(CheckPluginDescriptor, WantsDefaultsAndPresetsInsideTheirRange) {
+TEST(CheckDeclarations, WantsDefaultsAndPresetsInsideTheirRange) {
   ExpectMessage(CheckParameters({RealParameter("k", 2, 0, 1, "", "h")}), kRefused,
                 {"parameter 'k'", "its default", "expected 0 to 1, found 2"});
   ExpectMessage(CheckParameters({RealParameter("k", 1, 2, 0, "", "h")}), kRefused,
@@ -237,7 +264,7 @@ TEST(CheckPluginDescriptor, WantsDefaultsAndPresetsInsideTheirRange) {
                 {"expected 0 or 1, found 2"});
 }
 
-TEST(CheckPluginDescriptor, WantsChoicesThatHoldTheDefaultAndThePresets) {
+TEST(CheckDeclarations, WantsChoicesThatHoldTheDefaultAndThePresets) {
   ExpectMessage(CheckParameters({ChoiceParameter("k", "three", "one,two", "h")}), kRefused,
                 {"expected one of one,two, found 'three'"});
   ExpectMessage(CheckParameters({ChoiceParameter("k", "one", "one,one", "h")}), kRefused,
@@ -247,7 +274,7 @@ TEST(CheckPluginDescriptor, WantsChoicesThatHoldTheDefaultAndThePresets) {
       kRefused, {"preset 'fast'", "found 'six'"});
 }
 
-TEST(CheckPluginDescriptor, WantsEachParameterAndMetricOnce) {
+TEST(CheckDeclarations, WantsEachParameterAndMetricOnce) {
   ExpectMessage(CheckParameters({BoolParameter("k", true, "h"), BoolParameter("k", true, "h")}),
                 kRefused, {"two parameters are called 'k'"});
   ParameterSpec strange = BoolParameter("k", true, "h");

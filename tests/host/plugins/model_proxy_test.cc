@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -10,7 +11,7 @@ namespace dreamsearch {
 namespace {
 
 // Answers with whatever the test put in.
-class ScriptedModel final : public LatentModel {
+class ScriptedModel final : public Offers<LatentModel, ValueSpread, ReturnGradient> {
  public:
   std::uint64_t latent_bytes() const noexcept override { return 64; }
   std::uint64_t action_size() const noexcept override { return 2; }
@@ -20,7 +21,18 @@ class ScriptedModel final : public LatentModel {
     for (double& d : result.discounts) d = discount;
     return status;
   }
-  Status Value(ConstLatents, const ValueResult& result) noexcept override {
+  Status Value(ConstLatents, View<double> values) noexcept override {
+    ++calls;
+    for (double& v : values) v = value;
+    return status;
+  }
+  Status Gradient(const GradientRequest&, const GradientResult& result) noexcept override {
+    ++calls;
+    for (double& v : result.returns) v = value;
+    for (std::uint64_t i = 0; i < result.gradients.size(); ++i) result.gradients.data[i] = slope;
+    return status;
+  }
+  Status Spread(ConstLatents, const SpreadResult& result) noexcept override {
     ++calls;
     for (double& v : result.values) v = value;
     for (double& v : result.deviations) v = deviation;
@@ -38,7 +50,8 @@ class ScriptedModel final : public LatentModel {
   }
 
   int calls = 0;
-  double reward = 1, discount = 0.9, value = 2, deviation = 0.25, least = 1.5, action = 0.5;
+  double reward = 1, discount = 0.9, value = 2, deviation = 0.25, least = 1.5, action = 0.5,
+         slope = 3;
   Status status;
 };
 
@@ -90,13 +103,21 @@ TEST_F(ModelProxyTest, WrongSizesNeverReachTheModel) {
   EXPECT_EQ(Imagine(3, 3, 2).code, StatusCode::kInvalidArgument);
   const View<double> two{rewards_.data(), 2}, three{discounts_.data(), 3};
   const ConstLatents latents{from_.data(), 2, 64};
-  EXPECT_EQ(proxy_.Value({from_.data(), 2, 32}, {.values = two}).code,
+  EXPECT_EQ(proxy_.Value({from_.data(), 2, 32}, two).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.Value(latents, three).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.Spread(latents, {.values = three}).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(proxy_.Spread(latents, {.values = two, .deviations = three}).code,
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(proxy_.Value(latents, {.values = three}).code, StatusCode::kInvalidArgument);
-  EXPECT_EQ(proxy_.Value(latents, {.values = two, .deviations = three}).code,
+  EXPECT_EQ(proxy_.Spread(latents, {.values = two, .least = three}).code,
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(proxy_.Value(latents, {.values = two, .least = three}).code,
-            StatusCode::kInvalidArgument);
+  const MatrixView<double> slopes{rewards_.data(), 4, 2};
+  const auto gradient = [&](std::uint64_t steps, std::uint64_t seeds, MatrixView<double> room) {
+    return proxy_.Gradient({latents, {actions_.data(), steps, 2}, {seeds_.data(), seeds}},
+                           {two, room});
+  };
+  EXPECT_EQ(gradient(3, 3, slopes).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(gradient(4, 3, slopes).code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(gradient(4, 4, slopes.middle_rows(0, 3)).code, StatusCode::kInvalidArgument);
   EXPECT_EQ(proxy_.ProposeSamples(latents, {seeds_.data(), 2}, {actions_.data(), 3, 2}).code,
             StatusCode::kInvalidArgument);
   EXPECT_EQ(proxy_.ProposeSamples(latents, {seeds_.data(), 1}, {actions_.data(), 4, 2}).code,
@@ -115,14 +136,22 @@ TEST_F(ModelProxyTest, EveryAnswerThatIsNotFiniteIsFoundAndNamesTheModel) {
     ImagineRequest request{{from_.data(), 1, 64}, {actions_.data(), 1, 2}, seed};
     const ImagineResult result{{to_.data(), 1, 64}, {rewards_.data(), 1}, {discounts_.data(), 1}};
     EXPECT_EQ(proxy.Imagine(request, result).code, StatusCode::kNotFinite);
-    const ValueResult room{{rewards_.data(), 1}, {rewards_.data() + 1, 1}, {discounts_.data(), 1}};
-    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
+    const ConstLatents from{from_.data(), 1, 64};
+    const GradientRequest sequence{from, {actions_.data(), 2, 2}, {seeds_.data(), 2}};
+    const GradientResult slopes{{discounts_.data(), 1}, {rewards_.data(), 2, 2}};
+    actions_[0] = 0;
+    const SpreadResult room{{rewards_.data(), 1}, {rewards_.data() + 1, 1}, {discounts_.data(), 1}};
+    EXPECT_EQ(proxy.Value(from, {rewards_.data(), 1}).code, StatusCode::kNotFinite);
+    EXPECT_EQ(proxy.Spread(from, room).code, StatusCode::kNotFinite);
+    EXPECT_EQ(proxy.Gradient(sequence, slopes).code, StatusCode::kNotFinite);
     model.value = 2;
+    model.slope = bad;
+    EXPECT_EQ(proxy.Gradient(sequence, slopes).code, StatusCode::kNotFinite);
     model.deviation = bad;
-    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
+    EXPECT_EQ(proxy.Spread(from, room).code, StatusCode::kNotFinite);
     model.deviation = 0;
     model.least = bad;
-    EXPECT_EQ(proxy.Value({from_.data(), 1, 64}, room).code, StatusCode::kNotFinite);
+    EXPECT_EQ(proxy.Spread(from, room).code, StatusCode::kNotFinite);
     EXPECT_EQ(proxy.ProposeMode({from_.data(), 1, 64}, {actions_.data(), 1, 2}).code,
               StatusCode::kNotFinite);
     EXPECT_EQ(proxy.ProposeSamples({from_.data(), 1, 64}, seed, {actions_.data(), 4, 2}).code,
@@ -138,6 +167,42 @@ TEST_F(ModelProxyTest, AnActionThatIsNotFiniteNeverReachesTheModel) {
   actions_[1] = nan_;
   EXPECT_EQ(Imagine(1, 1).code, StatusCode::kNotFinite);
   EXPECT_EQ(model_.calls, 0);
+}
+
+TEST_F(ModelProxyTest, OffersOfTheModelsExtensionsThoseThatItChecks) {
+  class Bare final : public LatentModel {
+   public:
+    std::uint64_t latent_bytes() const noexcept override { return 64; }
+    std::uint64_t action_size() const noexcept override { return 2; }
+    Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override { return {}; }
+    Status Value(ConstLatents, View<double>) noexcept override { return {}; }
+    Status ProposeMode(ConstLatents, MatrixView<double>) noexcept override { return {}; }
+    Status ProposeSamples(ConstLatents, View<const std::uint64_t>,
+                          MatrixView<double>) noexcept override {
+      return {};
+    }
+    void* Extension(const char* name) noexcept override {
+      return std::strcmp(name, "stranger.secret/1") == 0 ? this : nullptr;
+    }
+  } bare;
+  ModelProxy proxy(&bare, "bare", true);
+  EXPECT_NE(bare.Extension("stranger.secret/1"), nullptr);
+  EXPECT_EQ(proxy.Extension("stranger.secret/1"), nullptr);
+  EXPECT_EQ(ExtensionOf<ValueSpread>(&proxy), nullptr);
+  EXPECT_EQ(ExtensionOf<ReturnGradient>(&proxy), nullptr);
+  EXPECT_EQ(ExtensionOf<ValueSpread>(&proxy_), &proxy_);
+  EXPECT_EQ(ExtensionOf<ReturnGradient>(&proxy_), &proxy_);
+}
+
+TEST_F(ModelProxyTest, CountsTheTransitionsOfGradientsAndRefusesThemToWhoDoesNotSearch) {
+  const ConstLatents from{from_.data(), 2, 64};
+  const GradientRequest request{from, {actions_.data(), 6, 2}, {seeds_.data(), 6}};
+  const GradientResult result{{discounts_.data(), 2}, {rewards_.data(), 6, 2}};
+  EXPECT_TRUE(proxy_.Gradient(request, result).ok());
+  EXPECT_EQ(proxy_.transitions(), 6u);
+  ModelProxy idle(&model_, "scripted", false);
+  EXPECT_EQ(idle.Gradient(request, result).code, StatusCode::kFailedPrecondition);
+  EXPECT_EQ(model_.calls, 1);
 }
 
 TEST_F(ModelProxyTest, TheFirstFaultIsKept) {

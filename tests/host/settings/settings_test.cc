@@ -399,9 +399,9 @@ TEST(ParameterStorage, GivesAFactoryItsValues) {
   const ParameterStorage storage(run.planner.parameters);
   const Parameters parameters = storage.view();
   EXPECT_EQ(parameters.values.size, 3u);
-  EXPECT_EQ(parameters.GetReal("noise"), 0.3);
-  EXPECT_EQ(parameters.GetInt("simulations"), 40);
-  EXPECT_STREQ(parameters.GetText("first_play"), "parent");
+  EXPECT_EQ(parameters.Find("noise")->number, 0.3);
+  EXPECT_EQ(parameters.Find("simulations")->number, 40);
+  EXPECT_STREQ(parameters.Find("first_play")->choice, "parent");
 }
 
 TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
@@ -412,7 +412,7 @@ TEST(ResolveMatrix, ATextIsTakenAsItIsWritten) {
   options.settings = {CommandLine("bridge.id", text)};
   const RunSpec run = Resolve(options);
   const ParameterStorage storage(run.environment.parameters);
-  EXPECT_EQ(storage.view().GetText("id"), text);
+  EXPECT_EQ(storage.view().Find("id")->choice, text);
   EXPECT_EQ(RunSpecFromJson(ToJson(run)).environment.parameters.Choice("id"), text);
   EXPECT_NE(ConfigurationSha256(run), ConfigurationSha256(With({})));
 

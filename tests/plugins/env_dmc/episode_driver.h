@@ -34,7 +34,7 @@ class EpisodeDriver {
   }
 
   std::vector<std::byte> Save() {
-    std::vector<std::byte> state(task->spec().state_bytes);
+    std::vector<std::byte> state(task->state_bytes());
     EXPECT_TRUE(task->SaveState({state.data(), state.size()}).ok());
     return state;
   }

@@ -32,7 +32,7 @@ TEST(Plugin, OffersThePapersTasksAndTheFurtherOnes) {
   for (std::string name; stream >> name;) expected.insert(name);
   const PluginDescriptor* plugin = LoadPlugin();
   EXPECT_EQ(plugin->magic, kPluginMagic);
-  EXPECT_EQ(plugin->layout_tag, LayoutTag());
+  EXPECT_EQ(plugin->sdk_minor, std::uint32_t{DREAMSEARCH_SDK_MINOR});
   EXPECT_STREQ(plugin->name, "env_dmc");
   for (const ComponentDescriptor& component : plugin->components) {
     EXPECT_EQ(component.kind, ComponentKind::kEnvironment);
@@ -70,7 +70,8 @@ TEST(Plugin, EnvironmentsBehaveAsTheTasksInside) {
       ASSERT_EQ(observation, inside.observation);
       ASSERT_EQ(result.reward, inside.result.reward);
     }
-    EXPECT_EQ(environment->Render({}, {}).code, StatusCode::kInvalidArgument);
+    EXPECT_EQ(ExtensionOf<Rendering>(environment)->Render({}, {}).code,
+              StatusCode::kInvalidArgument);
     environment->Destroy();
   }
 }

@@ -116,9 +116,9 @@ TEST(State, OfAnotherTaskIsRefused) {
 TEST(State, SizeIsConstantAndChecked) {
   for (const TaskEntry& entry : kTasks) {
     EpisodeDriver driver(entry.name);
-    const std::uint64_t size = driver.task->spec().state_bytes;
+    const std::uint64_t size = driver.task->state_bytes();
     ASSERT_TRUE(driver.Reset(0).ok());
-    EXPECT_EQ(driver.task->spec().state_bytes, size);
+    EXPECT_EQ(driver.task->state_bytes(), size);
     std::vector<std::byte> small(size - 1);
     EXPECT_EQ(driver.task->SaveState({small.data(), small.size()}).code,
               StatusCode::kInvalidArgument);

@@ -55,15 +55,21 @@ Numbers Reset(Environment& environment, std::uint32_t seed) {
 
 struct Step {
   Status status;
-  StepResult result;
+  struct {
+    double reward;
+    double discount;
+    bool last;
+  } result = {0, 1, false};
   Numbers observation;
 };
 
 Step Take(Environment& environment, Numbers action) {
   Step step;
   step.observation.resize(environment.spec().observation_size);
+  StepResult given;
   step.status = environment.Step({action.data(), action.size()},
-                                 {step.observation.data(), step.observation.size()}, &step.result);
+                                 {step.observation.data(), step.observation.size()}, &given);
+  step.result = {given.reward, given.discount, given.last};
   return step;
 }
 
@@ -161,12 +167,14 @@ void ExpectTheSameFromASavedState(const char* name) {
   const OwnedEnvironment played = Make(World(name)), other = Make(World(name));
   Reset(*played, 7);
   for (int i = 0; i < 5; ++i) Take(*played, ActionOf(i));
-  std::vector<std::byte> state(played->spec().state_bytes);
-  ASSERT_TRUE(played->SaveState({state.data(), state.size()}).ok());
+  auto* saving = ExtensionOf<StateSaving>(played.get());
+  std::vector<std::byte> state(saving->state_bytes());
+  ASSERT_TRUE(saving->SaveState({state.data(), state.size()}).ok());
   std::vector<Numbers> expected;
   for (int i = 5; i < 9; ++i) expected.push_back(Take(*played, ActionOf(i)).observation);
   for (Environment* environment : {played.get(), other.get(), other.get()}) {
-    const Status status = environment->RestoreState({state.data(), state.size()});
+    const Status status =
+        ExtensionOf<StateSaving>(environment)->RestoreState({state.data(), state.size()});
     ASSERT_TRUE(status.ok()) << status.message;
     for (int i = 5; i < 9; ++i) {
       EXPECT_EQ(Take(*environment, ActionOf(i)).observation,
@@ -174,7 +182,8 @@ void ExpectTheSameFromASavedState(const char* name) {
     }
   }
   state[0] ^= std::byte{1};
-  EXPECT_EQ(other->RestoreState({state.data(), state.size()}).code, StatusCode::kDataLoss);
+  EXPECT_EQ(ExtensionOf<StateSaving>(other.get())->RestoreState({state.data(), state.size()}).code,
+            StatusCode::kDataLoss);
 }
 
 TEST_F(PythonEnvironmentTest, GoesToASavedStateByPlayingItsActionsAgain) {
@@ -182,7 +191,8 @@ TEST_F(PythonEnvironmentTest, GoesToASavedStateByPlayingItsActionsAgain) {
 }
 
 TEST_F(PythonEnvironmentTest, GoesToASavedStateByTheEnvironmentsOwnMeans) {
-  EXPECT_LT(Make(World("SavedWalk"))->spec().state_bytes, 100u);
+  const OwnedEnvironment walk = Make(World("SavedWalk"));
+  EXPECT_LT(ExtensionOf<StateSaving>(walk.get())->state_bytes(), 100u);
   ExpectTheSameFromASavedState("SavedWalk");
 }
 
@@ -238,7 +248,8 @@ TEST_F(PythonEnvironmentTest, APictureIsOfTheStateAndLeavesItAsItIs) {
     EXPECT_EQ(at, Take(*alone, ActionOf(i)).observation) << i;
     if (i < 2) continue;  // the first picture comes in the middle of the episode
     std::vector<std::uint8_t> rgb(40 * 20 * 3);
-    const Status status = drawn->Render({40, 20, 0}, {rgb.data(), rgb.size()});
+    const Status status =
+        ExtensionOf<Rendering>(drawn.get())->Render({40, 20, 0}, {rgb.data(), rgb.size()});
     ASSERT_TRUE(status.ok()) << status.message;
     EXPECT_EQ(rgb[0], static_cast<int>(std::clamp(100 + 20 * at[0], 0.0, 255.0)));
     EXPECT_EQ(rgb[1], static_cast<int>(std::clamp(100 + 20 * at[1], 0.0, 255.0)));
@@ -250,7 +261,8 @@ TEST_F(PythonEnvironmentTest, WhatDrawsNoPictureSaysWhy) {
   const OwnedEnvironment environment = Make(World("Walk"));
   Reset(*environment, 0);
   std::vector<std::uint8_t> rgb(8 * 8 * 3);
-  const Status status = environment->Render({8, 8, 0}, {rgb.data(), rgb.size()});
+  const Status status =
+      ExtensionOf<Rendering>(environment.get())->Render({8, 8, 0}, {rgb.data(), rgb.size()});
   EXPECT_EQ(status.code, StatusCode::kFailedPrecondition);
   EXPECT_THAT(status.message, HasSubstr("cannot be made with render_mode='rgb_array'"));
 }

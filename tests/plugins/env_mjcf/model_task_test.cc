@@ -35,7 +35,7 @@ class Player {
     ASSERT_TRUE(status.ok()) << status.message;
   }
   std::vector<std::byte> Save() const {
-    std::vector<std::byte> state(task->spec().state_bytes);
+    std::vector<std::byte> state(task->state_bytes());
     EXPECT_TRUE(task->SaveState({state.data(), state.size()}).ok());
     return state;
   }

@@ -128,10 +128,12 @@ TEST(TwoEngines, ASavedStateOfMuJoCo3GoesOnToTheBit) {
   Reset(one);
   // Until after the ball has hit the arm and the floor.
   for (int i = 0; i < 60; ++i) Step(one, i);
-  std::vector<std::byte> state(one.spec().state_bytes);
+  auto* saving = ExtensionOf<StateSaving>(&one);
+  std::vector<std::byte> state(saving->state_bytes());
   for (int part = 0; part < 5; ++part) {
-    ASSERT_TRUE(one.SaveState({state.data(), state.size()}).ok());
-    const Status status = restored.environment->RestoreState({state.data(), state.size()});
+    ASSERT_TRUE(saving->SaveState({state.data(), state.size()}).ok());
+    const Status status = ExtensionOf<StateSaving>(restored.environment.get())
+                              ->RestoreState({state.data(), state.size()});
     ASSERT_TRUE(status.ok()) << status.message;
     for (int i = 0; i < 20; ++i) EXPECT_EQ(Step(one, i), Step(*restored.environment, i)) << part;
   }

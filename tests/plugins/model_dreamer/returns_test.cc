@@ -88,7 +88,8 @@ TEST(ValueConvention, LearnerFindsTheValueOfAConstantReward) {
   for (float& r : batch.rewards) r = 1;
   UpdateLosses losses;
   for (std::uint64_t update = 0; update < 600; ++update) {
-    ASSERT_TRUE(learner.Update({batch.view(), update, update, 0}, &losses).ok());
+    const SequenceBatch view = batch.view();
+    ASSERT_TRUE(learner.Update({&view, update, update, 0}, &losses).ok());
   }
   EXPECT_NEAR(losses.dream.value_mean, 2, 0.05);
   EXPECT_NEAR(losses.dream.imagined_return, 2, 0.05);

@@ -17,7 +17,7 @@ namespace {
 // Environment step n (from 1) pays 2^n + action. The time limit is after
 // `limit` steps; the state `terminal` ends the episode with discount 0; the state
 // `warning` is one the simulator cannot reach.
-class Counter final : public Environment {
+class Counter final : public Offers<Environment, StateSaving> {
  public:
   struct State {
     double steps = 0;
@@ -31,7 +31,6 @@ class Counter final : public Environment {
     spec_.action_low = {&low_, 1};
     spec_.action_high = {&high_, 1};
     spec_.episode_steps = 10;
-    spec_.state_bytes = sizeof(State);
   }
   const EnvironmentSpec& spec() const noexcept override { return spec_; }
   Status Reset(std::uint32_t, View<double> observation) noexcept override {
@@ -55,6 +54,7 @@ class Counter final : public Environment {
     if (result->last) state.running = 0;
     return OkStatus();
   }
+  std::uint64_t state_bytes() const noexcept override { return sizeof(State); }
   Status SaveState(View<std::byte> out) const noexcept override {
     std::memcpy(out.data, &state, sizeof state);
     return OkStatus();
@@ -63,9 +63,6 @@ class Counter final : public Environment {
     ++restores;
     std::memcpy(&state, in.data, sizeof state);
     return OkStatus();
-  }
-  Status Render(const RenderRequest&, View<std::uint8_t>) noexcept override {
-    return Error(StatusCode::kUnimplemented, "no pictures");
   }
   void Destroy() noexcept override {}
 
@@ -95,8 +92,8 @@ class Summing final : public Model {
   Status Imagine(const ImagineRequest&, const ImagineResult&) noexcept override {
     return Error(StatusCode::kInternal, "the trained model must not imagine");
   }
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
-    for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = At(latents, i).observed;
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    for (std::uint64_t i = 0; i < latents.rows; ++i) values[i] = At(latents, i).observed;
     return OkStatus();
   }
   Status ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept override {
@@ -131,7 +128,6 @@ class Summing final : public Model {
   void SetThreads(std::uint32_t count) noexcept override { threads = count; }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
   Status Load(ByteSource*) noexcept override { return OkStatus(); }
-  Status Export(TensorSink*) const noexcept override { return OkStatus(); }
   void Destroy() noexcept override {}
 
   std::uint32_t threads = 1;
@@ -290,7 +286,7 @@ TEST(Oracle, WithoutATrainedModelItKnowsNoActorAndNoCritic) {
     LoadedOracle oracle(&environment);
     oracle.Observe(0, AsBytes({0, 1}), {&zero, 1});
     double value = -7, mode = -7;
-    ASSERT_TRUE(oracle->Value(oracle.latent(0), {.values = {&value, 1}}).ok());
+    ASSERT_TRUE(oracle->Value(oracle.latent(0), {&value, 1}).ok());
     ASSERT_TRUE(oracle->ProposeMode(oracle.latent(0), {&mode, 1, 1}).ok());
     EXPECT_EQ(value, 0);
     EXPECT_EQ(mode, 0);
@@ -326,7 +322,7 @@ TEST(Oracle, TheTrainedModelsLatentFollowsWhatTheSimulatorShows) {
   oracle.Imagine(0, {0.25}, 1);
   oracle.Imagine(1, {0.5}, 2);
   double value = 0, mode = 0, samples[2] = {};
-  ASSERT_TRUE(oracle->Value(oracle.latent(2), {.values = {&value, 1}}).ok());
+  ASSERT_TRUE(oracle->Value(oracle.latent(2), {&value, 1}).ok());
   ASSERT_TRUE(oracle->ProposeMode(oracle.latent(2), {&mode, 1, 1}).ok());
   const std::uint64_t seed = 1;
   ASSERT_TRUE(oracle->ProposeSamples(oracle.latent(2), {&seed, 1}, {samples, 2, 1}).ok());
@@ -337,7 +333,7 @@ TEST(Oracle, TheTrainedModelsLatentFollowsWhatTheSimulatorShows) {
 
   LoadedOracle plain(&environment, {{"proposal", "uniform"}, {"value", "zero"}}, 1, &trained_model);
   plain.Observe(0, AsBytes({0, 1}), {&first, 1});
-  ASSERT_TRUE(plain->Value(plain.latent(0), {.values = {&value, 1}}).ok());
+  ASSERT_TRUE(plain->Value(plain.latent(0), {&value, 1}).ok());
   EXPECT_EQ(value, 0);
 }
 
@@ -453,7 +449,8 @@ TEST_P(EveryTask, ImagineEqualsSteppingBitForBit) {
     LoadedOracle oracle(own, {}, kRepeat);
     const EnvironmentSpec& spec = real->spec();
     std::vector<double> observation(spec.observation_size), bounded(spec.action_size);
-    std::vector<std::byte> state(spec.state_bytes);
+    auto* saving = ExtensionOf<StateSaving>(real);
+    std::vector<std::byte> state(saving->state_bytes());
     const View<double> observed{observation.data(), observation.size()};
 
     // The actions and latents of a complete binary tree; node i hangs on (i - 1) / 2.
@@ -474,7 +471,7 @@ TEST_P(EveryTask, ImagineEqualsSteppingBitForBit) {
       }
     };
     go_to_root();
-    ASSERT_TRUE(real->SaveState({state.data(), state.size()}).ok());
+    ASSERT_TRUE(saving->SaveState({state.data(), state.size()}).ok());
     oracle.Observe(0, {state.data(), state.size()}, observed);
     std::vector<double> rewards(nodes);
     for (std::uint64_t node = 1; node < nodes; ++node) {
@@ -496,7 +493,7 @@ TEST_P(EveryTask, ImagineEqualsSteppingBitForBit) {
           reward += step.reward;
         }
         ASSERT_EQ(reward, rewards[node]) << "node " << node;
-        ASSERT_TRUE(real->SaveState({state.data(), state.size()}).ok());
+        ASSERT_TRUE(saving->SaveState({state.data(), state.size()}).ok());
         ASSERT_EQ(std::memcmp(state.data(), oracle.latent(node).data + 8, state.size()), 0);
       }
     }
@@ -505,17 +502,18 @@ TEST_P(EveryTask, ImagineEqualsSteppingBitForBit) {
   own->Destroy();
 }
 
-// Every planner runs on the oracle unchanged.
-TEST_P(EveryTask, EveryPlannerPlansOnIt) {
+// Every planner runs on the oracle unchanged, but for those that need what it does not offer.
+TEST_P(EveryTask, EveryPlannerPlansOnItOrSaysWhatItMisses) {
   Environment* real = Make();
   Environment* own = Make();
   {
     LoadedOracle oracle(own, {}, 2);
     const EnvironmentSpec& spec = real->spec();
     std::vector<double> observation(spec.observation_size);
-    std::vector<std::byte> state(spec.state_bytes);
+    auto* saving = ExtensionOf<StateSaving>(real);
+    std::vector<std::byte> state(saving->state_bytes());
     ASSERT_TRUE(real->Reset(1, {observation.data(), observation.size()}).ok());
-    ASSERT_TRUE(real->SaveState({state.data(), state.size()}).ok());
+    ASSERT_TRUE(saving->SaveState({state.data(), state.size()}).ok());
     oracle.Observe(0, {state.data(), state.size()}, {observation.data(), observation.size()});
     for (const ComponentDescriptor* component : AllPlanners()) {
       // Budgets that any simulator gets through at once.
@@ -527,9 +525,15 @@ TEST_P(EveryTask, EveryPlannerPlansOnIt) {
         if (name == "elites") settings.push_back({"elites", 4});
         if (name == "actor_candidates") settings.push_back({"actor_candidates", 4});
         if (name == "uniform_candidates") settings.push_back({"uniform_candidates", 4});
+        if (name == "sequences") settings.push_back({"sequences", 4});
         if (name == "iterations") settings.push_back({"iterations", 2});
         if (name == "horizon") settings.push_back({"horizon", 3});
         if (name == "depth") settings.push_back({"depth", 3});
+      }
+      if ((component->traits & kNeedsGradients) != 0 &&
+          ExtensionOf<ReturnGradient>(oracle.get()) == nullptr) {
+        EXPECT_THROW(LoadedPlanner(*component, oracle.get(), settings), std::runtime_error);
+        continue;
       }
       LoadedPlanner planner(*component, oracle.get(), settings);
       const Decision decision = planner.Plan(oracle.latent(0));

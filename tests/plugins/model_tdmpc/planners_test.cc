@@ -25,9 +25,9 @@ Model* Trained() {
     Owned<Model> made(new tdmpc::Tdmpc(settings, 2, 1, 1));
     std::vector<double> metrics(tdmpc::kLosses);
     for (std::uint64_t update = 0; update < 400; ++update) {
-      EXPECT_TRUE(made->Train({PointBatch(32, 4, update).view(), update, update, 0},
-                              {metrics.data(), metrics.size()})
-                      .ok());
+      const OwnedBatch batch = PointBatch(32, 4, update);
+      const SequenceBatch view = batch.view();
+      EXPECT_TRUE(made->Train({&view, update, update, 0}, {metrics.data(), metrics.size()}).ok());
     }
     return made;
   }();

@@ -32,6 +32,11 @@ struct TdmpcCase {
     s.critics = 2;  // five would take long
     return s;
   }
+  static Settings QuickToLearn() {
+    Settings s = Small("fast");
+    s.learning_rate = s.actor_learning_rate = 2e-3;
+    return s;
+  }
   static Model* Make(const Settings& settings, Index o, Index a, std::uint64_t seed) {
     return new Tdmpc(settings, o, a, seed);
   }
@@ -64,8 +69,9 @@ TEST(Tdmpc, LoadRefusesOtherSizes) {
 TEST(Tdmpc, RefusesSequencesOfOneDecision) {
   const ModelPointer model = Make(Small());
   std::vector<double> metrics(kLosses);
-  const Status status =
-      model->Train({PointBatch(4, 1, 1).view(), 0, 0, 0}, {metrics.data(), metrics.size()});
+  const OwnedBatch batch = PointBatch(4, 1, 1);
+  const SequenceBatch view = batch.view();
+  const Status status = model->Train({&view, 0, 0, 0}, {metrics.data(), metrics.size()});
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_NE(std::string(status.message).find("run.sequence_length"), std::string::npos)
       << status.message;
@@ -81,8 +87,9 @@ TEST(Tdmpc, ReportsMeanDeviationAndLeastOfItsCriticsAtTheActorsMode) {
     latents.floats()[i] = 0.02f * static_cast<float>(i % 7);
   }
   std::vector<double> values(5), deviations(5), least(5);
-  ASSERT_TRUE(
-      model->Value(latents, {{values.data(), 5}, {deviations.data(), 5}, {least.data(), 5}}).ok());
+  ASSERT_TRUE(ExtensionOf<ValueSpread>(model.get())
+                  ->Spread(latents, {{values.data(), 5}, {deviations.data(), 5}, {least.data(), 5}})
+                  .ok());
   Agent<float>& agent = static_cast<Tdmpc*>(model.get())->learner().agent();
   Memory<float> memory;
   Buffer<float> buffers[3];
@@ -142,7 +149,7 @@ TEST(Tdmpc, DiscountsByGammaUntilAnEpisodeEndsEarlyAndThenByWhatItLearns) {
 TEST(Tdmpc, PaperPresetHasFiveMillionParametersAndExportsEachOnce) {
   const ModelPointer model = Make(PresetSettings("paper"), 24, 6);
   Names sink;
-  ASSERT_TRUE(model->Export(&sink).ok());
+  ASSERT_TRUE(ExtensionOf<TensorExport>(model.get())->Export(&sink).ok());
   const auto layer = [](std::uint64_t in, std::uint64_t out) { return in * out + 3 * out; };
   const auto head = [&](std::uint64_t in, std::uint64_t out) {
     return layer(in, 512) + layer(512, 512) + 513 * out;

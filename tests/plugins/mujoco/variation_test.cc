@@ -68,7 +68,7 @@ class World {
     reward = result.reward;
   }
   std::vector<std::byte> Save() const {
-    std::vector<std::byte> state(task_->spec().state_bytes);
+    std::vector<std::byte> state(task_->state_bytes());
     EXPECT_TRUE(task_->SaveState({state.data(), state.size()}).ok());
     return state;
   }
@@ -244,7 +244,7 @@ TEST(Variation, OfNothingChangesNoBit) {
     ASSERT_TRUE(plain.Step({&force, 1}, {observation.data(), 2}, &result).ok());
     varied.Step(force);
     ASSERT_EQ(observation, varied.observation);
-    std::vector<std::byte> state(plain.spec().state_bytes);
+    std::vector<std::byte> state(plain.state_bytes());
     ASSERT_TRUE(plain.SaveState({state.data(), state.size()}).ok());
     ASSERT_EQ(state, varied.Save());
   }

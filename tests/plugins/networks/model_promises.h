@@ -7,6 +7,7 @@
 //   Settings Small(preset)              quick to train; a latent with padding
 //   Settings InLanes()                  the same, an update of 23 x 10 decisions in several lanes
 //   Settings AskingForAll(preset)       full sizes, all that can be asked for switched on
+//   Settings QuickToLearn()             some 300 updates of PointBatch show
 //   Model* Make(settings, o, a, seed)
 //   View<const MetricSpec> Metrics()
 //   kSmallState                         floats of a latent that are not padding
@@ -47,8 +48,9 @@ ModelPointer Make(const typename Case::Settings& settings, std::uint64_t seed = 
 template <typename Case>
 std::vector<double> Train(Model* model, const OwnedBatch& batch, std::uint64_t update) {
   std::vector<double> metrics(Case::Metrics().size);
-  const Status status = model->Train({batch.view(), DeriveSeed(9, update), update, 0},
-                                     {metrics.data(), metrics.size()});
+  const SequenceBatch view = batch.view();
+  const Status status =
+      model->Train({&view, DeriveSeed(9, update), update, 0}, {metrics.data(), metrics.size()});
   EXPECT_TRUE(status.ok()) << status.message;
   return metrics;
 }
@@ -161,7 +163,7 @@ inline Answers Ask(Model* model, std::uint64_t n, std::uint64_t seed) {
                   ->Imagine({observed, action_view, seeds},
                             {imagined, {answers.rewards.data(), n}, {answers.discounts.data(), n}})
                   .ok());
-  EXPECT_TRUE(model->Value(imagined, {.values = {answers.values.data(), n}}).ok());
+  EXPECT_TRUE(model->Value(imagined, {answers.values.data(), n}).ok());
   EXPECT_TRUE(model->ProposeMode(imagined, {answers.mode.data(), n, a}).ok());
   EXPECT_TRUE(model->ProposeSamples(imagined, seeds, {answers.samples.data(), 3 * n, a}).ok());
   answers.observed = observed.floats();
@@ -172,7 +174,8 @@ inline Answers Ask(Model* model, std::uint64_t n, std::uint64_t seed) {
 // Everything a planner can ask about kRows different rows, in requests of `size` rows.
 struct RowAnswers {
   std::vector<float> observed, imagined;
-  std::vector<double> rewards, discounts, values, deviations, least, mode, samples;
+  std::vector<double> rewards, discounts, values, deviations, least, mode, samples, returns,
+      gradients;
 };
 
 inline RowAnswers AskInRequests(Model* model, std::uint64_t rows, std::uint64_t size,
@@ -194,6 +197,14 @@ inline RowAnswers AskInRequests(Model* model, std::uint64_t rows, std::uint64_t 
   answers.least.resize(rows);
   answers.mode.resize(rows * kActions);
   answers.samples.resize(rows * kActions * kEach);
+  // Sequences of two actions, that of the row and one more.
+  constexpr std::uint64_t kHorizon = 2;
+  answers.returns.resize(rows);
+  answers.gradients.resize(rows * kHorizon);
+  std::vector<double> sequences(rows * kHorizon);
+  for (double& x : sequences) x = random.Uniform(-1, 1);
+  std::vector<std::uint64_t> step_seeds(rows * kHorizon);
+  for (std::uint64_t& seed : step_seeds) seed = random.Next();
   for (std::uint64_t first = 0, n = first_size; first < rows; first += n, n = size) {
     n = std::min(n, rows - first);
     const MatrixView<const double> action{actions.data() + first, n, kActions};
@@ -209,10 +220,21 @@ inline RowAnswers AskInRequests(Model* model, std::uint64_t rows, std::uint64_t 
                                                      {answers.rewards.data() + first, n},
                                                      {answers.discounts.data() + first, n}})
                     .ok());
-    EXPECT_TRUE(model
-                    ->Value(next, {{answers.values.data() + first, n},
-                                   {answers.deviations.data() + first, n},
-                                   {answers.least.data() + first, n}})
+    EXPECT_TRUE(model->Value(next, {answers.values.data() + first, n}).ok());
+    if (auto* spread = ExtensionOf<ValueSpread>(model)) {
+      EXPECT_TRUE(spread
+                      ->Spread(next, {{answers.values.data() + first, n},
+                                      {answers.deviations.data() + first, n},
+                                      {answers.least.data() + first, n}})
+                      .ok());
+    }
+    const std::uint64_t steps = n * kHorizon;
+    EXPECT_TRUE(ExtensionOf<ReturnGradient>(model)
+                    ->Gradient({seen,
+                                {sequences.data() + first * kHorizon, steps, kActions},
+                                {step_seeds.data() + first * kHorizon, steps}},
+                               {{answers.returns.data() + first, n},
+                                {answers.gradients.data() + first * kHorizon, steps, kActions}})
                     .ok());
     EXPECT_TRUE(model->ProposeMode(next, {answers.mode.data() + first, n, kActions}).ok());
     EXPECT_TRUE(
@@ -354,8 +376,78 @@ TYPED_TEST_P(ModelPromises, ARowHasTheSameAnswerWhateverStandsBesideIt) {
           EXPECT_TRUE(alone.least == together.least);
           EXPECT_TRUE(alone.mode == together.mode);
           EXPECT_TRUE(alone.samples == together.samples);
+          EXPECT_TRUE(alone.returns == together.returns);
+          EXPECT_TRUE(alone.gradients == together.gradients);
         }
       }
+    }
+  }
+}
+
+// The return of a sequence by the calls that a planner without the gradient makes.
+inline double ImaginedReturn(Model* model, LatentArray from, const std::vector<double>& actions,
+                             const std::vector<std::uint64_t>& seeds, double deviations,
+                             bool least) {
+  std::vector<double> rewards(actions.size()), discounts(actions.size());
+  for (std::size_t t = 0; t < actions.size(); ++t) {
+    LatentArray to(*model, 1);
+    EXPECT_TRUE(model
+                    ->Imagine({from, {&actions[t], 1, 1}, {&seeds[t], 1}},
+                              {to, {&rewards[t], 1}, {&discounts[t], 1}})
+                    .ok());
+    from = to;
+  }
+  double total = 0;
+  if (auto* spread = ExtensionOf<ValueSpread>(model)) {
+    double value = 0, deviation = 0, least_value = 0;
+    EXPECT_TRUE(spread->Spread(from, {{&value, 1}, {&deviation, 1}, {&least_value, 1}}).ok());
+    total = least ? least_value : value + deviations * deviation;
+  } else {
+    EXPECT_TRUE(model->Value(from, {&total, 1}).ok());
+  }
+  for (std::size_t t = actions.size(); t-- > 0;) total = rewards[t] + discounts[t] * total;
+  return total;
+}
+
+// Slopes: central differences of numbers that are computed in float, eps |return| / h from the
+// exact ones, and h^2 / 6 times a third derivative.
+TYPED_TEST_P(ModelPromises, TheGradientIsOfTheReturnThatImagineAndValueGive) {
+  constexpr std::uint64_t kHorizon = 3;
+  constexpr double kStep = 0.05;
+  const ModelPointer model = Make<TypeParam>(TypeParam::QuickToLearn());
+  for (std::uint64_t update = 0; update < 300; ++update) {
+    Train<TypeParam>(model.get(), PointBatch(16, 5, update), update);
+  }
+  const LatentArray latent = ObservedPoint(model.get(), 0.6);
+  LatentArray from = latent;
+  const std::vector<double> actions = {0.3, -0.5, 0.1};
+  const std::vector<std::uint64_t> seeds = {7, 8, 9};
+  struct {
+    double deviations;
+    bool least;
+  } const cases[] = {{0, false}, {1.5, false}, {0, true}};
+  for (const auto& [deviations, least] : cases) {
+    double value = 0;
+    std::vector<double> gradient(kHorizon);
+    ASSERT_TRUE(
+        ExtensionOf<ReturnGradient>(model.get())
+            ->Gradient(
+                {from, {actions.data(), kHorizon, 1}, {seeds.data(), kHorizon}, deviations, least},
+                {{&value, 1}, {gradient.data(), kHorizon, 1}})
+            .ok());
+    EXPECT_DOUBLE_EQ(value, ImaginedReturn(model.get(), latent, actions, seeds, deviations, least));
+    double largest = 0;
+    for (const double slope : gradient) largest = std::max(largest, std::abs(slope));
+    EXPECT_GT(largest, 0.01) << "the actions do not matter";
+    for (std::size_t t = 0; t < kHorizon; ++t) {
+      std::vector<double> above = actions, below = actions;
+      above[t] += kStep;
+      below[t] -= kStep;
+      const double difference =
+          (ImaginedReturn(model.get(), latent, above, seeds, deviations, least) -
+           ImaginedReturn(model.get(), latent, below, seeds, deviations, least)) /
+          (2 * kStep);
+      EXPECT_NEAR(gradient[t], difference, 0.02 * largest + 1e-4 * (1 + std::abs(value))) << t;
     }
   }
 }
@@ -400,7 +492,10 @@ TYPED_TEST_P(ModelPromises, AllocatesNothingAfterWarmUp) {
       ok &= model->Observe({from, action, {observations.data(), n, 2}, {}, seeds}, to).ok();
       ok &= model->Imagine({to, action, seeds}, {from, {rewards.data(), n}, {discounts.data(), n}})
                 .ok();
-      ok &= model->Value(from, {.values = {values.data(), n}}).ok();
+      ok &= model->Value(from, {values.data(), n}).ok();
+      ok &= ExtensionOf<ReturnGradient>(model.get())
+                ->Gradient({to, action, seeds}, {{values.data(), n}, {samples.data(), n, 1}})
+                .ok();
       ok &= model->ProposeMode(from, {samples.data(), n, 1}).ok();
       ok &= model->ProposeSamples({from.data, 1, bytes}, {seeds.data, 1}, {samples.data(), n, 1})
                 .ok();
@@ -408,7 +503,8 @@ TYPED_TEST_P(ModelPromises, AllocatesNothingAfterWarmUp) {
     };
     const auto train = [&](std::uint64_t update) {
       model->SetThreads(2);  // as many as it has
-      return model->Train({batch.view(), update, update, 0}, {metrics.data(), metrics.size()}).ok();
+      const SequenceBatch view = batch.view();
+      return model->Train({&view, update, update, 0}, {metrics.data(), metrics.size()}).ok();
     };
     ASSERT_TRUE(train(0) && call_everything(150, 1) && train(1) && call_everything(150, 2));
     const std::uint64_t before = MallocCount();
@@ -445,8 +541,8 @@ TYPED_TEST_P(ModelPromises, RefusesNanInABatchAndStaysAsItWas) {
         const std::vector<char> before = SavedBytes(*model);
         *item.place(&batch) = bad;
         std::vector<double> metrics(TypeParam::Metrics().size);
-        const Status status =
-            model->Train({batch.view(), 1, 5, 0}, {metrics.data(), metrics.size()});
+        const SequenceBatch view = batch.view();
+        const Status status = model->Train({&view, 1, 5, 0}, {metrics.data(), metrics.size()});
         EXPECT_EQ(status.code, StatusCode::kNotFinite) << preset << " " << item.what << " " << bad;
         EXPECT_NE(std::string(status.message).find(item.named), std::string::npos)
             << item.what << ": " << status.message;
@@ -502,10 +598,11 @@ TYPED_TEST_P(ModelPromises, RefusesWrongSizes) {
   const auto code = [](const Status& status) { return status.code; };
   const std::uint64_t row_seeds[] = {0, 0};
   const View<const std::uint64_t> seeds{row_seeds, 2}, one_seed{row_seeds, 1};
-  EXPECT_EQ(code(model->Value(latents, {.values = {numbers.data(), 3}})),
-            StatusCode::kInvalidArgument);
-  EXPECT_EQ(code(model->Value(latents, {{numbers.data(), 2}, {numbers.data(), 1}, {}})),
-            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(model->Value(latents, {numbers.data(), 3})), StatusCode::kInvalidArgument);
+  if (auto* spread = ExtensionOf<ValueSpread>(model.get())) {
+    EXPECT_EQ(code(spread->Spread(latents, {{numbers.data(), 2}, {numbers.data(), 1}, {}})),
+              StatusCode::kInvalidArgument);
+  }
   EXPECT_EQ(code(model->ProposeMode(latents, {numbers.data(), 2, 2})),
             StatusCode::kInvalidArgument);
   EXPECT_EQ(code(model->ProposeSamples(latents, seeds, {numbers.data(), 3, 1})),
@@ -536,10 +633,11 @@ TYPED_TEST_P(ModelPromises, RefusesSearchesOfAnotherSize) {
   actions.search_actions.cols = 2;
   const std::vector<char> before = SavedBytes(*model);
   for (const SequenceBatch& wrong : {weights, values, actions}) {
-    EXPECT_EQ(model->Train({wrong, 9, 0, 0}, room).code, StatusCode::kInvalidArgument);
+    EXPECT_EQ(model->Train({&wrong, 9, 0, 0}, room).code, StatusCode::kInvalidArgument);
   }
   EXPECT_EQ(SavedBytes(*model), before);
-  EXPECT_TRUE(model->Train({batch.view(), 9, 0, 0}, room).ok());
+  const SequenceBatch right = batch.view();
+  EXPECT_TRUE(model->Train({&right, 9, 0, 0}, room).ok());
 }
 
 TYPED_TEST_P(ModelPromises, ImitatesTheSearchesOfItsBatches) {
@@ -570,6 +668,7 @@ REGISTER_TYPED_TEST_SUITE_P(ModelPromises, EqualSeedsGiveEqualBits,
                             ThreadsThatComeAndGoBetweenUpdatesLeaveTheBitsOfOne,
                             LoadedContinuesAsTheSavedWouldHave, LoadRefusesMissingBytes,
                             ARowHasTheSameAnswerWhateverStandsBesideIt,
+                            TheGradientIsOfTheReturnThatImagineAndValueGive,
                             InitialLatentIsZeroAndPaddingStaysZero, AllocatesNothingAfterWarmUp,
                             RefusesNanInABatchAndStaysAsItWas, FindsNanInItsOwnLatents,
                             ARowDrawsFromItsOwnSeed, RefusesWrongSizes,

@@ -49,10 +49,17 @@ ScriptedState Start() {
 class EveryPlanner : public testing::TestWithParam<const ComponentDescriptor*> {
  protected:
   static bool Declares(const char* parameter) {
-    const View<const ParameterSpec> specs = GetParam()->parameters;
+    const Records<ParameterSpec>& specs = GetParam()->parameters;
     return std::any_of(specs.begin(), specs.end(), [parameter](const ParameterSpec& spec) {
       return std::strcmp(spec.name, parameter) == 0;
     });
+  }
+
+  // More than the few sequences of the actor that a planner may do with by default: here the actor
+  // is uniform, and nothing but their number finds what is good.
+  static Settings ManySequences() {
+    if (Declares("sequences")) return {{"sequences", 100}};
+    return {};
   }
 };
 
@@ -71,6 +78,17 @@ TEST_P(EveryPlanner, DeclaresItselfCompletely) {
     }
   }
   for (const MetricSpec& metric : component.metrics) EXPECT_GT(std::strlen(metric.help), 0u);
+}
+
+TEST_P(EveryPlanner, OffersTheExtensionsThatItDeclaresAndNoOthers) {
+  ScriptedModel model = Drift();
+  LoadedPlanner planner(*GetParam(), &model);
+  EXPECT_EQ(ExtensionOf<PolicyReporting>(planner.get()) != nullptr,
+            (GetParam()->traits & kReportsPolicy) != 0);
+  EXPECT_EQ(ExtensionOf<TreeReporting>(planner.get()) != nullptr, Searches(GetParam()));
+  for (const char* name : {"", "policy", "policy/2", "render/1", "stranger.policy/1"}) {
+    EXPECT_EQ(planner->Extension(name), nullptr) << name;
+  }
 }
 
 TEST_P(EveryPlanner, ReturnsAFiniteActionInItsBounds) {
@@ -146,26 +164,21 @@ TEST_P(EveryPlanner, DecidesAlikeHoweverMuchOfItsPolicyIsAskedFor) {
 }
 
 TEST_P(EveryPlanner, RefusesARoomForItsPolicyThatDoesNotFit) {
+  if ((GetParam()->traits & kReportsPolicy) == 0) GTEST_SKIP() << "reports no policy";
   ScriptedModel model = Drift();
   LoadedPlanner planner(*GetParam(), &model);
-  const ScriptedState root = Start();
-  std::vector<double> action(2), metrics(GetParam()->metrics.size), actions(6), weights(3);
-  PlanResult result;
-  result.action = {action.data(), 2};
-  result.metrics = {metrics.data(), metrics.size()};
-  result.policy_weights = {weights.data(), 3};
-  PlanRequest request;
-  request.root = AsLatents(root);
+  ASSERT_TRUE(planner.Plan(AsLatents(Start())).status.ok());
+  auto* policies = ExtensionOf<PolicyReporting>(planner.get());
+  std::vector<double> actions(6), weights(3);
   for (const MatrixView<double> room :
        {MatrixView<double>{actions.data(), 2, 2}, MatrixView<double>{actions.data(), 3, 1}}) {
-    result.policy_actions = room;
-    EXPECT_EQ(planner->Plan(request, &result).code, StatusCode::kInvalidArgument);
+    EXPECT_EQ(policies->ReportPolicy(room, {weights.data(), 3}).code, StatusCode::kInvalidArgument);
   }
 }
 
 TEST_P(EveryPlanner, PicksTheKnownActionOfTheChain) {
   ScriptedModel model = Chain::Model(/*wrong_mode=*/Searches(GetParam()));
-  LoadedPlanner planner(*GetParam(), &model);
+  LoadedPlanner planner(*GetParam(), &model, ManySequences());
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Decision decision = planner.Plan(AsLatents(ScriptedState{}), {.seed = seed});
     ASSERT_TRUE(decision.status.ok()) << decision.status.message;
@@ -204,7 +217,7 @@ TEST_P(EveryPlanner, IsNotDeceivedByTheMeanOfRandomContinuations) {
   if (!Searches(GetParam())) GTEST_SKIP() << "does not search";
   ScriptedModel model = Deception();
   model.mode = [](const ScriptedState&, View<double> action) { action[0] = 0.5; };
-  Settings settings;
+  Settings settings = ManySequences();
   if (Declares("simulations")) settings.push_back({"simulations", 400});
   LoadedPlanner planner(*GetParam(), &model, settings);
   int right = 0;
@@ -407,6 +420,24 @@ TEST_P(EveryPlanner, RefusesToPlanBeforeAnEpisode) {
   planner->Destroy();
 }
 
+// And says which extension it misses; one that needs none plans.
+TEST_P(EveryPlanner, RefusesAModelWithoutGradientsIfAndOnlyIfItDeclaresThatItNeedsThem) {
+  ScriptedModel model = Drift();
+  LoadedPlanner planner(*GetParam(), &model);
+  ScriptedModel rigid = Drift();
+  rigid.gives_gradients = false;
+  const Status status = planner->BeginEpisode(&rigid);
+  if ((GetParam()->traits & kNeedsGradients) == 0) {
+    ASSERT_TRUE(status.ok()) << status.message;
+    EXPECT_TRUE(planner.Plan(AsLatents(Start())).status.ok());
+    return;
+  }
+  EXPECT_EQ(status.code, StatusCode::kFailedPrecondition);
+  EXPECT_NE(std::string(status.message).find(ReturnGradient::kName), std::string::npos);
+  // The episode before goes on.
+  EXPECT_TRUE(planner.Plan(AsLatents(Start())).status.ok());
+}
+
 TEST_P(EveryPlanner, RefusesAModelOfOtherSizes) {
   ScriptedModel model = Drift();
   LoadedPlanner planner(*GetParam(), &model);
@@ -436,12 +467,12 @@ TEST_P(EveryPlanner, RefusesViewsOfWrongSizes) {
   request = good_request;
   request.root.cols = 32;
   EXPECT_EQ(planner->Plan(request, &good_result).code, StatusCode::kInvalidArgument);
-  PlanResult result = good_result;
-  result.action.size = 3;
-  EXPECT_EQ(planner->Plan(good_request, &result).code, StatusCode::kInvalidArgument);
-  result = good_result;
-  ++result.metrics.size;
-  EXPECT_EQ(planner->Plan(good_request, &result).code, StatusCode::kInvalidArgument);
+  PlanResult long_action = good_result;
+  long_action.action.size = 3;
+  EXPECT_EQ(planner->Plan(good_request, &long_action).code, StatusCode::kInvalidArgument);
+  PlanResult more_metrics = good_result;
+  ++more_metrics.metrics.size;
+  EXPECT_EQ(planner->Plan(good_request, &more_metrics).code, StatusCode::kInvalidArgument);
   EXPECT_EQ(planner->Plan(good_request, nullptr).code, StatusCode::kInvalidArgument);
 }
 

@@ -127,6 +127,7 @@ class LoadedPlanner {
   LoadedPlanner& operator=(const LoadedPlanner&) = delete;
 
   Planner* operator->() { return planner_; }
+  Planner* get() { return planner_; }
 
   Decision Plan(ConstLatents root, const PlanOptions& options = {}) {
     Decision decision;
@@ -136,18 +137,24 @@ class LoadedPlanner {
     decision.result.metrics = {decision.metrics.data(), decision.metrics.size()};
     std::vector<double> policy_actions(options.policy * action_size_, -7);
     decision.policy_weights.assign(options.policy, -7);
-    if (options.policy > 0) {
-      decision.result.policy_actions = {policy_actions.data(), options.policy, action_size_};
-      decision.result.policy_weights = {decision.policy_weights.data(), options.policy};
-    }
-    CollectTree tree;
     PlanRequest request;
     request.root = root;
     request.explore = options.explore;
     request.seed = options.seed;
-    request.tree = options.tree ? &tree : nullptr;
     decision.status = planner_->Plan(request, &decision.result);
-    decision.tree = std::move(tree.edges);
+    if (!decision.status.ok()) return decision;
+    auto* trees = ExtensionOf<TreeReporting>(planner_);
+    if (options.tree && trees != nullptr) {
+      CollectTree tree;
+      trees->ReportTree(&tree);
+      decision.tree = std::move(tree.edges);
+    }
+    auto* policies = ExtensionOf<PolicyReporting>(planner_);
+    if (options.policy > 0 && policies != nullptr) {
+      decision.status =
+          policies->ReportPolicy({policy_actions.data(), options.policy, action_size_},
+                                 {decision.policy_weights.data(), options.policy});
+    }
     for (auto at = policy_actions.begin(); at != policy_actions.end();) {
       const auto end = at + static_cast<std::ptrdiff_t>(action_size_);
       decision.policy_actions.emplace_back(at, end);

@@ -32,7 +32,7 @@ struct ScriptedTransition {
 
 // Plans the model of the three functions; the actor's mode is zero and its samples
 // are uniform unless given. Counts what it is asked for.
-class ScriptedModel : public LatentModel {
+class ScriptedModel : public Offers<LatentModel, ValueSpread, ReturnGradient> {
  public:
   using Action = View<const double>;
 
@@ -50,6 +50,8 @@ class ScriptedModel : public LatentModel {
         for (double& a : action) a = random.Uniform(-1, 1);
       };
 
+  bool gives_gradients = true;  // by central differences of the functions
+
   // Fails the call after this many successful ones.
   std::optional<std::uint64_t> fail_after;
   Status failure = Error(StatusCode::kInternal, "scripted failure");
@@ -57,6 +59,7 @@ class ScriptedModel : public LatentModel {
   std::uint64_t calls = 0;
   std::uint64_t transitions = 0;
   std::uint64_t imagine_calls = 0;
+  std::uint64_t gradients_asked = 0;  // transitions
   std::uint64_t values_asked = 0;
   std::uint64_t samples_asked = 0;
   std::uint64_t modes_asked = 0;
@@ -77,7 +80,18 @@ class ScriptedModel : public LatentModel {
     return OkStatus();
   }
 
-  Status Value(ConstLatents latents, const ValueResult& result) noexcept override {
+  // The spread is offered where there is an ensemble.
+  void* Extension(const char* name) noexcept override {
+    if (!deviation && std::strcmp(name, ValueSpread::kName) == 0) return nullptr;
+    if (!gives_gradients && std::strcmp(name, ReturnGradient::kName) == 0) return nullptr;
+    return Offers::Extension(name);
+  }
+
+  Status Value(ConstLatents latents, View<double> values) noexcept override {
+    return Spread(latents, {.values = values});
+  }
+
+  Status Spread(ConstLatents latents, const SpreadResult& result) noexcept override {
     if (Fails()) return failure;
     for (std::uint64_t i = 0; i < latents.rows; ++i) result.values[i] = value(State(latents, i));
     for (std::uint64_t i = 0; i < latents.rows; ++i) {
@@ -86,6 +100,27 @@ class ScriptedModel : public LatentModel {
       if (!result.least.empty()) result.least[i] = result.values[i] - spread;
     }
     values_asked += latents.rows;
+    return OkStatus();
+  }
+
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept override {
+    if (Fails()) return failure;
+    constexpr double kStep = 1e-5;
+    const std::uint64_t steps = request.actions.rows / request.latents.rows;
+    actions_.assign(request.actions.data, request.actions.data + request.actions.size());
+    for (std::uint64_t i = 0; i < request.latents.rows; ++i) {
+      result.returns[i] = Return(request, i, steps);
+      for (std::uint64_t k = i * steps * actions; k < (i + 1) * steps * actions; ++k) {
+        const double kept = actions_[k];
+        actions_[k] = kept + kStep;
+        const double above = Return(request, i, steps);
+        actions_[k] = kept - kStep;
+        const double below = Return(request, i, steps);
+        actions_[k] = kept;
+        result.gradients.data[k] = (above - below) / (2 * kStep);
+      }
+    }
+    gradients_asked += request.actions.rows;
     return OkStatus();
   }
 
@@ -116,6 +151,24 @@ class ScriptedModel : public LatentModel {
     std::memcpy(&state, latents.row(row).data, sizeof state);
     return state;
   }
+  // Of sequence i with actions_.
+  double Return(const GradientRequest& request, std::uint64_t i, std::uint64_t steps) {
+    ScriptedState state = State(request.latents, i);
+    way_.clear();
+    for (std::uint64_t t = 0; t < steps; ++t) {
+      way_.push_back(transition(state, {actions_.data() + (i * steps + t) * actions, actions}));
+      state = way_.back().next;
+    }
+    double total = value(state);
+    if (deviation) {
+      total += request.least ? -deviation(state) : request.deviations * deviation(state);
+    }
+    for (std::uint64_t t = steps; t-- > 0;) total = way_[t].reward + way_[t].discount * total;
+    return total;
+  }
+  std::vector<double> actions_;  // of the request whose gradient is asked
+  std::vector<ScriptedTransition> way_;
+
   bool Fails() { return fail_after.has_value() && calls++ >= *fail_after; }
 };
 

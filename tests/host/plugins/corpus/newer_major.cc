@@ -1,4 +1,4 @@
 // Built against the next major version of the SDK.
 #include "tests/host/plugins/corpus/tiny_plugin.h"
 
-TINY_DESCRIPTOR(v2, d.sdk_major = 2)
+TINY_DESCRIPTOR(dreamsearch_sdk_2, d.sdk_major = 2)

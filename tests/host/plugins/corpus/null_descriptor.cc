@@ -2,6 +2,6 @@
 #include "dreamsearch/plugin.h"
 
 extern "C" __attribute__((visibility("default"))) const dreamsearch::PluginDescriptor*
-dreamsearch_plugin_v0() {
+dreamsearch_sdk_1() {
   return nullptr;
 }

@@ -1,4 +1,4 @@
 // Its descriptor begins with something else.
 #include "tests/host/plugins/corpus/tiny_plugin.h"
 
-TINY_DESCRIPTOR(v0, d.magic = 0x1234)
+TINY_DESCRIPTOR(dreamsearch_sdk_1, d.magic = 0x1234)

@@ -1,4 +1,4 @@
-// Its descriptor is shorter than this SDK's.
+// Its descriptor is shorter than any version's.
 #include "tests/host/plugins/corpus/tiny_plugin.h"
 
-TINY_DESCRIPTOR(v0, d.struct_size = 32)
+TINY_DESCRIPTOR(dreamsearch_sdk_1, d.struct_size = 32)

@@ -28,24 +28,22 @@ constexpr ComponentDescriptor TinyPlanner(const char* name) {
   }                                                                                             \
   DREAMSEARCH_PLUGIN(#name, "1.0.0", kComponents)
 
-// A descriptor with fields changed: TINY_DESCRIPTOR(v0, { d.sdk_minor = 9; })
-#define TINY_DESCRIPTOR(entry, change)                                                           \
-  namespace {                                                                                    \
-  constexpr dreamsearch::ComponentDescriptor kComponents[] = {dreamsearch::TinyPlanner("tiny")}; \
-  constexpr dreamsearch::PluginDescriptor MakeDescriptor() {                                     \
-    dreamsearch::PluginDescriptor d;                                                             \
-    d.struct_size = sizeof d;                                                                    \
-    d.name = "tiny";                                                                             \
-    d.version = "1.0.0";                                                                         \
-    d.components = dreamsearch::ViewOf(kComponents);                                             \
-    change;                                                                                      \
-    return d;                                                                                    \
-  }                                                                                              \
-  constexpr dreamsearch::PluginDescriptor kDescriptor = MakeDescriptor();                        \
-  }                                                                                              \
-  extern "C" __attribute__((visibility("default")))                                              \
-  const dreamsearch::PluginDescriptor* dreamsearch_plugin_##entry() {                            \
-    return &kDescriptor;                                                                         \
+// A descriptor with fields changed: TINY_DESCRIPTOR(dreamsearch_sdk_1, d.sdk_minor = 9)
+#define TINY_DESCRIPTOR(entry, change)                                                             \
+  namespace {                                                                                      \
+  constexpr dreamsearch::ComponentDescriptor kComponents[] = {dreamsearch::TinyPlanner("tiny")};   \
+  constexpr dreamsearch::PluginDescriptor MakeDescriptor() {                                       \
+    dreamsearch::PluginDescriptor d;                                                               \
+    d.name = "tiny";                                                                               \
+    d.version = "1.0.0";                                                                           \
+    d.components = dreamsearch::ViewOf(kComponents);                                               \
+    change;                                                                                        \
+    return d;                                                                                      \
+  }                                                                                                \
+  constexpr dreamsearch::PluginDescriptor kDescriptor = MakeDescriptor();                          \
+  }                                                                                                \
+  extern "C" __attribute__((visibility("default"))) const dreamsearch::PluginDescriptor* entry() { \
+    return &kDescriptor;                                                                           \
   }
 
 // Runs a statement while the library is loaded.
