@@ -54,6 +54,25 @@ TEST_F(TraitsTest, APlannerThatLooksAheadWithoutSayingSoFailsWithASentence) {
       << Value("select error from run");
 }
 
+TEST_F(TraitsTest, APlannerThatNeedsGradientsPlansOnlyWithAModelThatGivesThem) {
+  const ProgramResult refused =
+      place_.Runner({"--env", "cartpole_balance", "--planner", "gradient", "--model", "oracle",
+                     "--steps", "2000", "--db", "g.db"});
+  EXPECT_EQ(refused.exit_status, 2);
+  EXPECT_NE(refused.err.find("planner 'gradient': expected a model that gives gradients of "
+                             "imagined returns, found 'oracle'. Known: dreamer, tdmpc"),
+            std::string::npos)
+      << refused.err;
+  const ProgramResult run = Run("gradient");
+  ASSERT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_EQ(Value("select status from run"), "finished");
+  EXPECT_EQ(Value("select count(*) > 0 from metric where name = 'gradient.return_gain'"), "1");
+  const ProgramResult played = place_.Runner({"eval", "1", "--planner", "gradient", "--model",
+                                              "oracle", "--db", "t.db", "--episodes", "1"});
+  EXPECT_EQ(played.exit_status, 2) << played.err;
+  EXPECT_NE(played.err.find("found 'oracle'"), std::string::npos) << played.err;
+}
+
 TEST_F(TraitsTest, AModelThatDoesNotLearnIsNeverTrained) {
   const ProgramResult result = Run("random", {"--model", "oracle"});
   // The settings of TinyRun are those of the model `dreamer`.

@@ -35,8 +35,8 @@ inline const PluginDescriptor& LoadPlugin(const std::string& file) {
 
 inline std::vector<const ComponentDescriptor*> AllPlanners() {
   std::vector<const ComponentDescriptor*> planners;
-  for (const char* file :
-       {"planner_dreamer", "planner_rollout", "planner_mcts", "planner_shooting"}) {
+  for (const char* file : {"planner_dreamer", "planner_rollout", "planner_mcts", "planner_shooting",
+                           "planner_gradient"}) {
     for (const ComponentDescriptor& component : LoadPlugin(file).components) {
       planners.push_back(&component);
     }
