@@ -28,6 +28,7 @@
 #include <cstdlib>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -306,17 +307,17 @@ double SecondsANode(Subject* subject, const char* name, std::size_t roots, int d
                                    .seeds = {&seed, 1}},
                                   latents.row(i)));
   }
-  std::vector<Decision> made(roots);
+  std::vector<std::optional<Decision>> made(roots);
   PlanOptions options{.explore = true, .tree = false, .policy = 8};
   const auto plan = [&] {
     ++options.seed;
-    joint.Run([&](std::size_t i) { made[i] = planners[i]->Plan(latents.row(i), options); });
+    joint.Run([&](std::size_t i) { made[i].emplace(planners[i]->Plan(latents.row(i), options)); });
   };
   plan();
   double nodes = 0;
-  for (const Decision& decision : made) {
-    Subject::Check(decision.status);
-    nodes += decision.result.nodes;
+  for (const std::optional<Decision>& decision : made) {
+    Subject::Check(decision->status);
+    nodes += decision->result.nodes;
   }
   return MedianSeconds(decisions, plan) / nodes;
 }
