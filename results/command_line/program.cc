@@ -10,6 +10,7 @@
 #include "results/command_line/help.h"
 #include "results/command_line/man_page.h"
 #include "results/system/error.h"
+#include "results/system/file.h"
 #include "results/text/names.h"
 #include "results/text/text.h"
 
@@ -138,7 +139,8 @@ int ExitStatusOf(const std::string& program, const std::function<int()>& work) {
     std::cerr << "error: " << PrintableLines(error.what()) << std::endl;
     return error.exit_status();
   } catch (const std::filesystem::filesystem_error& error) {
-    std::cerr << "error: " << PrintableLines(error.what()) << std::endl;
+    std::cerr << "error: " << PrintableLines(AbsolutePath(error.path1().string())) << ": "
+              << error.code().message() << std::endl;
     return static_cast<int>(CodeOf(error.code()));
   } catch (const std::bad_alloc&) {
     std::cerr << "error: out of memory" << std::endl;

@@ -57,6 +57,11 @@ std::string NamedPath(const std::string& path) {
   // that cannot be followed shows when it is opened.
   std::error_code error;
   std::filesystem::path file = std::filesystem::absolute(path, error);
+  if (error) {
+    throw Failure(ExitCode::kNotFound, Printable(path) +
+                                           ": the folder in which the command was given is gone. "
+                                           "Give it in another one, or a path from the root.");
+  }
   for (int links = 0; links < kMaxLinks && !error; ++links) {
     const std::filesystem::path folder =
         std::filesystem::weakly_canonical(file.parent_path(), error);

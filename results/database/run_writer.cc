@@ -29,6 +29,9 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
                   connection_.path() + ": there is no run " + std::to_string(run_id));
   }
   env_steps_done_ = run->env_steps_done;
+  // Appending needs few pages; a reader's cache of 16 MB would take hours to fill, and a run's
+  // memory would grow as long.
+  connection_.Execute("PRAGMA cache_size = -2000");
 
   insert_step_ = connection_.Prepare(
       "INSERT INTO step (run_id, env_step, episode, t, reward, value, plan_us, simulations, nodes,"

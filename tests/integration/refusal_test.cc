@@ -72,6 +72,41 @@ TEST(Refusal, AFileThatIsNotOurDatabaseIsLeftAlone) {
   EXPECT_EQ(std::filesystem::file_size(place.folder() / "notes.txt"), 66u);
 }
 
+// A folder that is gone, links in a circle, names too long: what was wrong and where, and never "a
+// defect of runner".
+TEST(Refusal, APlaceThatCannotBeIsNoDefect) {
+  const Workplace place;
+  ASSERT_EQ(std::system(("ln -s loop '" + place.Path("loop") + "'").c_str()), 0);
+  ASSERT_EQ(place.Runner(TinyRun("cartpole_balance", "random", "p.db")).exit_status, 0);
+  const std::string longest(300, 'x');
+  const auto expect = [&](const ProgramResult& result, int code, const std::string& name) {
+    EXPECT_EQ(result.exit_status, code) << result.err;
+    EXPECT_NE(result.err.find(name), std::string::npos) << result.err;
+    EXPECT_EQ(result.err.find("defect"), std::string::npos) << result.err;
+  };
+  for (const std::string& name : {std::string("loop"), std::string("loop/x"), longest}) {
+    expect(place.Results({"list", "--db", name}), 73, name);
+    expect(place.Runner({"--env", "cartpole_balance", "--planner", "random", "--db", name}), 73,
+           name);
+    // Beside the link there may be files.
+    const int written = name == "loop" ? 0 : 73;
+    const std::string said = written == 0 ? "" : name;
+    expect(place.Results({"report", name + ".html", "--db", "p.db"}), written, said);
+    expect(place.Results({"curves", "--out", name + ".csv", "--db", "p.db"}), written, said);
+    expect(place.Runner({"export", "1", "--out", name, "--db", "p.db"}), 73, name);
+  }
+  for (const std::string& command :
+       {std::string("results list --db p.db"),
+        std::string("runner --env cartpole_balance --planner random --db p.db")}) {
+    const std::string gone = place.Path("gone");
+    const int status = std::system(("mkdir '" + gone + "' && cd '" + gone + "' && rmdir '" + gone +
+                                    "' && " DREAMSEARCH_TEST_BIN_DIR "/" + command + " 2> '" +
+                                    place.Path("said") + "'")
+                                       .c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 66) << command;
+  }
+}
+
 TEST(DryRun, ShowsRunsSettingsTimeAndBytesAndWritesNothing) {
   const Workplace place;
   std::vector<std::string> arguments =

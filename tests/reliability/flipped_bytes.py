@@ -105,7 +105,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     programs = run.Programs(options.bin_dir)
-    words = run.training(steps=240)
+    words = run.training(steps=1500)
     expected = run.undisturbed(programs, words)
     faults = run.Faults()
     draw = random.Random(options.seed)
@@ -113,7 +113,7 @@ def main():
         process = programs.start(stage, "runner", *words)
         while process.poll() is None and len(list(stage.glob("r.db.files/*/checkpoint-*.ckpt"))) < 2:
             pass
-        os.killpg(process.pid, 9)
+        process.kill()
         for pid in run.query(stage / "r.db", "SELECT pid FROM segment"):
             try:
                 os.kill(pid[0], 9)

@@ -142,6 +142,8 @@ def main():
                         "another application" not in name:
                     faults.add(where, "who only reads has changed the file")
                     before = open(path, "rb").read()
+                if words[0] == "delete" and before is not None:
+                    before = open(path, "rb").read()
                 if words[0] == "resume":
                     shutil.rmtree(str(path) + ".files", ignore_errors=True)
     print("%d databases, %d commands, %d faults" % (count, commands, len(faults.found)))

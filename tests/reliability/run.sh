@@ -31,6 +31,7 @@ harness disk_faults "$python" "$here/disk_faults.py" "$build/bin" --points 100
 harness flipped_bytes "$python" "$here/flipped_bytes.py" "$build/bin" --flips 1000
 harness resigned_checkpoints "$python" "$here/resigned_checkpoints.py" "$build/bin" --changes 1000
 harness hostile_databases "$python" "$here/hostile_databases.py" "$build/bin"
+harness growth "$python" "$here/growth.py" "$build/bin" --seconds 600
 harness determinism "$python" "$here/determinism.py" "$build/bin" --full
 fuzz=${FUZZ_BUILD:-$here/../../build/debug}
 for target in configuration descriptor checkpoint importer model_file; do

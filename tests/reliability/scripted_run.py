@@ -29,6 +29,8 @@ class Programs:
 
     def environment(self, folder):
         own = dict(os.environ, TMPDIR=str(folder))  # shares its cores with no other run
+        # Tasks of the tests: checkpoints come between episodes, and those of short20 are short.
+        own["DREAMSEARCH_PLUGIN_PATH"] = str(self.bin.parent / "tests/integration/early")
         if self.preload:
             own["LD_PRELOAD"] = self.preload
         return own
@@ -64,12 +66,13 @@ SMALL_SEARCHES = {
 }
 
 
-def training(db="r.db", steps=240, env="cartpole_balance", planner="random", model="dreamer",
+def training(db="r.db", steps=240, env="short20", planner="random", model="dreamer",
              seeds=("--seeds", 1), jobs=1, more=()):
-    """Arguments of a run of moments that learns and makes a checkpoint every 40 steps."""
+    """Arguments of a run of moments that learns and makes a checkpoint every 40 steps, if the
+    episodes of the task are as short."""
     words = ["--env", env, "--planner", planner, "--model", model, "--db", db, "--steps", steps,
              *seeds, "--jobs", jobs]
-    settings = ["run.prefill_steps=80", "run.pretrain_updates=1", "run.train_every=20",
+    settings = ["run.action_repeat=1", "run.prefill_steps=80", "run.pretrain_updates=1", "run.train_every=20",
                 "run.batch_size=2", "run.sequence_length=4", "run.eval_episodes=1",
                 "run.eval_every=100000", "run.checkpoint_every=40"]
     if model == "dreamer":
