@@ -12,6 +12,7 @@
 // with gamma the model's discount of that transition. The candidate with the
 // largest Q is played, the first of equals; its Q is the value reported, and the improved policy
 // reported is that candidate alone (the target of EfficientZero V2, Wang et al. 2024).
+#include <limits>
 #include <numeric>
 #include <vector>
 
@@ -233,7 +234,9 @@ class Rollout final : public Offers<MemorylessPlanner, TreeReporting, PolicyRepo
     const double mean = std::accumulate(q.begin(), q.end(), 0.0) / static_cast<double>(q.size);
     double squares = 0;
     for (const double value : q) squares += (value - mean) * (value - mean);
-    return std::sqrt(squares / static_cast<double>(q.size));
+    // Returns of 1e200 are finite, their squares are not.
+    return std::min(std::sqrt(squares / static_cast<double>(q.size)),
+                    std::numeric_limits<double>::max());
   }
 
   const RolloutSettings settings_;

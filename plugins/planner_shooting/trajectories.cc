@@ -1,5 +1,6 @@
 #include "trajectories.h"
 
+#include <limits>
 #include <numeric>
 
 namespace dreamsearch {
@@ -26,7 +27,8 @@ double Trajectories::ReturnSpread() const noexcept {
   for (const double value : returns()) {
     variance += (value - mean) * (value - mean) / static_cast<double>(count_);
   }
-  return std::sqrt(variance);
+  // Returns of 1e200 are finite, their squares are not.
+  return std::min(std::sqrt(variance), std::numeric_limits<double>::max());
 }
 
 Status Trajectories::FollowActor(LatentModel* model, ConstLatents root, std::uint64_t rows,
