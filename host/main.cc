@@ -39,14 +39,16 @@ Program Runner() {
                      std::to_string(DREAMSEARCH_SDK_MAJOR) + "." +
                      std::to_string(DREAMSEARCH_SDK_MINOR),
           .root = RunCommand(),
-          .commands = {ListCommand(), DescribeCommand(), StatusCommand(), ResumeCommand(),
-                       EvalCommand(), ExtendCommand(), VerifyCommand(), ExportCommand(),
-                       ExplainCommand(), RenderCommand(), SubmitCommand(), WatchCommand()},
+          .commands = {ListCommand(), DescribeCommand(), CheckCommand(), NewCommand(),
+                       StatusCommand(), ResumeCommand(), EvalCommand(), ExtendCommand(),
+                       VerifyCommand(), ExportCommand(), ExplainCommand(), RenderCommand(),
+                       SubmitCommand(), WatchCommand()},
           .internal = {{"worker", own(WorkerMain)},
                        {"probe", own(ProbeMain)},
                        {"export-model", own(ExportModelMain)},
                        {"explain-decision", own(ExplainDecisionMain)},
                        {"film-episode", own(FilmEpisodeMain)},
+                       {"check-component", own(CheckComponentMain)},
                        {"describe-plugin", DescribePlugin}}};
 }
 

@@ -8,12 +8,14 @@
 
 namespace dreamsearch {
 
+Command CheckCommand();
 Command DescribeCommand();
 Command EvalCommand();
 Command ExplainCommand();
 Command ExportCommand();
 Command ExtendCommand();
 Command ListCommand();
+Command NewCommand();
 Command RenderCommand();
 Command ResumeCommand();
 Command RunCommand();  // without a command's name
@@ -23,6 +25,7 @@ Command VerifyCommand();
 Command WatchCommand();
 
 // Child processes, which load the plugins.
+int CheckComponentMain();
 int ExplainDecisionMain();
 int ExportModelMain();
 

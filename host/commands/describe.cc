@@ -176,35 +176,6 @@ bool PrintPlugin(const Catalogue& catalogue, const std::string& name) {
   return true;
 }
 
-// The components a text names: of one kind if it says so, otherwise of all; empty if
-// there are none.
-std::vector<std::shared_ptr<const ComponentInfo>> Named(const Catalogue& catalogue,
-                                                        const std::string& text) {
-  const auto slash = text.find('/');
-  const std::string name = slash == std::string::npos ? text : text.substr(slash + 1);
-  const std::string kind_name = slash == std::string::npos ? "" : text.substr(0, slash);
-  const std::vector<ComponentKind> kinds = {ComponentKind::kEnvironment, ComponentKind::kModel,
-                                            ComponentKind::kPlanner};
-  if (!kind_name.empty()) {
-    for (const ComponentKind kind : kinds) {
-      const bool short_name = kind == ComponentKind::kEnvironment && kind_name == "env";
-      if (short_name || kind_name == ComponentKindName(kind)) return {catalogue.Find(kind, name)};
-    }
-    throw Failure(ExitCode::kUsage, "runner describe: no kind '" + kind_name + "'. " +
-                                        KnownNames(kind_name, {"environment", "model", "planner"}));
-  }
-  std::vector<std::shared_ptr<const ComponentInfo>> found;
-  for (const ComponentKind kind : kinds) {
-    try {
-      found.push_back(catalogue.Find(kind, name));
-    } catch (const Failure& error) {
-      // Of no such name here: perhaps of another kind. Anything else is the answer.
-      if (error.code() != ExitCode::kNotFound) throw;
-    }
-  }
-  return found;
-}
-
 [[noreturn]] void RefuseUnknown(const Catalogue& catalogue, const std::string& name) {
   std::vector<std::string> known;
   for (const auto& component : catalogue.components()) {
@@ -248,7 +219,8 @@ int Describe::Run() {
     return static_cast<int>(ExitCode::kOk);
   }
   const Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path));
-  const std::vector<std::shared_ptr<const ComponentInfo>> components = Named(catalogue, name);
+  const std::vector<std::shared_ptr<const ComponentInfo>> components =
+      ComponentsNamed(catalogue, "runner describe", name);
   if (components.empty() && !PrintPlugin(catalogue, name)) RefuseUnknown(catalogue, name);
   bool first = true;
   for (const auto& component : components) {

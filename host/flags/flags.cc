@@ -10,6 +10,7 @@
 
 #include "results/system/error.h"
 #include "results/text/json_text.h"
+#include "results/text/names.h"
 
 namespace dreamsearch {
 namespace {
@@ -180,6 +181,34 @@ std::string OutputPath(const std::string& out, const std::string& name) {
   std::error_code error;
   const bool folder = out.ends_with('/') || std::filesystem::is_directory(out, error);
   return out.empty() ? name : folder ? (std::filesystem::path(out) / name).string() : out;
+}
+
+std::vector<std::shared_ptr<const ComponentInfo>> ComponentsNamed(const Catalogue& catalogue,
+                                                                  const std::string& command,
+                                                                  const std::string& text) {
+  const auto slash = text.find('/');
+  const std::string name = slash == std::string::npos ? text : text.substr(slash + 1);
+  const std::string kind_name = slash == std::string::npos ? "" : text.substr(0, slash);
+  const std::vector<ComponentKind> kinds = {ComponentKind::kEnvironment, ComponentKind::kModel,
+                                            ComponentKind::kPlanner};
+  if (!kind_name.empty()) {
+    for (const ComponentKind kind : kinds) {
+      const bool short_name = kind == ComponentKind::kEnvironment && kind_name == "env";
+      if (short_name || kind_name == ComponentKindName(kind)) return {catalogue.Find(kind, name)};
+    }
+    throw Failure(ExitCode::kUsage, command + ": no kind '" + kind_name + "'. " +
+                                        KnownNames(kind_name, {"environment", "model", "planner"}));
+  }
+  std::vector<std::shared_ptr<const ComponentInfo>> found;
+  for (const ComponentKind kind : kinds) {
+    try {
+      found.push_back(catalogue.Find(kind, name));
+    } catch (const Failure& error) {
+      // Of no such name here: perhaps of another kind. Anything else is the answer.
+      if (error.code() != ExitCode::kNotFound) throw;
+    }
+  }
+  return found;
 }
 
 }  // namespace dreamsearch

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,12 @@ Flag PluginPathFlag(std::vector<std::string>* plugin_path);
 
 // The plugins of that flag, which searches them; warnings go to standard error.
 Catalogue ScanPlugins(const std::vector<std::string>& plugin_path);
+
+// The components a text names: of one kind if it says so, otherwise of all; empty if
+// there are none.
+std::vector<std::shared_ptr<const ComponentInfo>> ComponentsNamed(const Catalogue& catalogue,
+                                                                  const std::string& command,
+                                                                  const std::string& text);
 
 // --seeds and --seed-list; a command that has them lists them as exclusive.
 std::vector<Flag> SeedFlags(std::vector<std::uint64_t>* seeds);

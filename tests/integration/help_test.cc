@@ -47,7 +47,7 @@ class EveryCommand : public testing::Test {
         }
       }
     }
-    EXPECT_EQ(names.size(), 2u + 10u + 13u);
+    EXPECT_EQ(names.size(), 2u + 10u + 15u);
     return names;
   }
 

@@ -11,7 +11,7 @@
 //          spec() points to lives as long as the environment.
 // Threads  one thread drives an instance at a time; instances share nothing.
 // Errors   every call returns a Status and lets no exception out. NaN in an
-//          action is kInvalidArgument, never a zero control.
+//          action is kInvalidArgument, never a zero control. Laws E1-E9: sdk/README.md.
 #pragma once
 
 #include <cstdint>
@@ -74,7 +74,7 @@ class Environment {
  public:
   virtual const EnvironmentSpec& spec() const noexcept = 0;
 
-  // Starts an episode. Equal seeds give equal episodes for equal actions,
+  // Starts an episode (E6). Equal seeds give equal episodes for equal actions,
   // whatever happened before. observation: [O].
   virtual Status Reset(std::uint32_t seed, View<double> observation) noexcept = 0;
 

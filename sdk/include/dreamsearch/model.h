@@ -18,7 +18,7 @@
 // Threads  one thread drives an instance at a time; instances share nothing. A model
 //          may use threads of its own inside a call, see SetThreads.
 // Errors   every call returns a Status and lets no exception out. A model that
-//          finds a latent of its own not finite returns kNotFinite.
+//          finds a latent of its own not finite returns kNotFinite. Laws M1-M13: sdk/README.md.
 #pragma once
 
 #include <cstdint>
@@ -55,7 +55,7 @@ class LatentModel {
   virtual std::uint64_t latent_bytes() const noexcept = 0;  // a multiple of kLatentAlignment
   virtual std::uint64_t action_size() const noexcept = 0;   // A
 
-  // s' and r(s') for every row.
+  // s' and r(s') for every row (M3: all set; M4, M5: rows; M10: memory).
   virtual Status Imagine(const ImagineRequest& request, const ImagineResult& result) noexcept = 0;
 
   // v(s) for every row. values: [B].
@@ -201,7 +201,7 @@ class Model : public LatentModel {
   virtual Status Train(const TrainRequest& request, View<double> metrics) noexcept = 0;
 
   // How many threads its calls may use from now on, 1 until it is told; at least 1.
-  // Results do not depend on it. May come between any two calls; a model that cannot
+  // Results do not depend on it (M12). May come between any two calls; a model that cannot
   // have as many uses fewer.
   virtual void SetThreads(std::uint32_t threads) noexcept { static_cast<void>(threads); }
 

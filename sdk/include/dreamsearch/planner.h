@@ -16,7 +16,7 @@
 //          other instances plan on the same thread, each on a stack of its own (of
 //          8 MiB). So across a call of the model hold no lock, and keep nothing in
 //          thread-local variables.
-// Errors   every call returns a Status and lets no exception out.
+// Errors   every call returns a Status and lets no exception out. Laws P1-P13: sdk/README.md.
 #pragma once
 
 #include <cstdint>
@@ -55,19 +55,19 @@ struct PlanResult {
 
 class Planner {
  public:
-  // Forgets the episode before and plans with `model` from now on. The model
+  // Forgets the episode before (P4) and plans with `model` from now on. The model
   // outlives the episode.
   //   kInvalidArgument     the model's sizes are not those the planner was made for.
   //   kFailedPrecondition  the planner needs an extension that the model does not offer.
   virtual Status BeginEpisode(LatentModel* model) noexcept = 0;
 
-  // Chooses the action of one decision.
+  // Chooses the action of one decision (P3: all set; P4: seeds; P8: memory; P10: not finite).
   //   kFailedPrecondition  no episode has begun.
   //   kInvalidArgument     a view has the wrong size.
   //   any error of the model, passed on; *result is then unset.
   virtual Status Plan(const PlanRequest& request, PlanResult* result) noexcept = 0;
 
-  // What it carries from one decision to the next (a warm start, a kept tree).
+  // What it carries from one decision to the next (a warm start, a kept tree); P6, P7.
   // Load is called after BeginEpisode.
   virtual Status Save(ByteSink* sink) const noexcept = 0;
   virtual Status Load(ByteSource* source) noexcept = 0;
