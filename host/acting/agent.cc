@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <utility>
 
 #include "host/acting/components.h"
+#include "host/plugins/call_site.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
@@ -12,16 +15,16 @@ namespace dreamsearch {
 void Agent::Parts::SetPlanner(const ResolvedComponent& component) {
   planner_text = "planner '" + component.name() + "'";
   searches = component.Has(kSearches);
-  metrics = component.info->metrics.size();
+  for (const MetricInfo& metric : component.info->metrics) metrics.push_back(metric.name);
 }
 
 void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResult& result) {
   for (std::uint64_t i = 0; i < result.action.size; ++i) {
     const double entry = result.action[i];
     if (!std::isfinite(entry)) {
-      throw Failure(ExitCode::kDiverged, who + " chose an action that is not finite: entry " +
-                                             std::to_string(i) + " of decision " +
-                                             std::to_string(decision));
+      throw Failure(ExitCode::kDiverged,
+                    who + " chose an action that is not finite, or not set: entry " +
+                        std::to_string(i) + " of decision " + std::to_string(decision));
     }
     if (std::abs(entry) > 1) {
       throw Failure(ExitCode::kInternal, who + " chose an action outside [-1, 1]: entry " +
@@ -29,7 +32,9 @@ void CheckPlanned(const std::string& who, std::uint64_t decision, const PlanResu
     }
   }
   if (!std::isfinite(result.value)) {
-    throw Failure(ExitCode::kDiverged, who + " reported a value that is not finite");
+    throw Failure(
+        ExitCode::kDiverged,
+        who + " set no value, or one that is not finite, in decision " + std::to_string(decision));
   }
 }
 
@@ -64,7 +69,7 @@ Agent::Agent(const Parts& parts)
       latent_bytes_(parts.model->latent_bytes()),
       latent_memory_(2 * latent_bytes_ + kLatentAlignment),
       action_(parts.model->action_size()),
-      metrics_(parts.metrics),
+      metrics_(parts.metrics.size()),
       policy_actions_(parts.policy_actions * action_.size()),
       policy_weights_(parts.policy_actions) {
   if (state_saving_ != nullptr) environment_state_.resize(state_saving_->state_bytes());
@@ -82,9 +87,13 @@ void Agent::BeginEpisode(EpisodePurpose phase, std::uint64_t episode) {
   phase_ = phase;
   episode_ = episode;
   decision_ = 0;
-  std::fill(action_.begin(), action_.end(), 0.0);
-  ThrowUnlessOk(parts_.model->InitialLatent({Latent(current_), 1, latent_bytes_}),
-                "model '" + parts_.model_name + "' InitialLatent");
+  action_.Fill(0);
+  {
+    const CallScope scope({"model", parts_.model_name.c_str(), "InitialLatent"});
+    ThrowUnlessOk(parts_.model->InitialLatent({Latent(current_), 1, latent_bytes_}),
+                  "model '" + parts_.model_name + "' InitialLatent");
+  }
+  const CallScope scope({"", parts_.planner_text.c_str(), "BeginEpisode"});
   ThrowUnlessOk(parts_.planner->BeginEpisode(&proxy_), parts_.planner_text + " BeginEpisode");
 }
 
@@ -103,8 +112,11 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   const std::uint64_t observe_seed =
       SeedFor(parts_.run_seed, SeedUse::kObserve, phase_, episode_, decision_);
   observe.seeds = {&observe_seed, 1};
-  ThrowUnlessOk(parts_.model->Observe(observe, {Latent(1 - current_), 1, latent_bytes_}),
-                "model '" + parts_.model_name + "' Observe");
+  {
+    const CallScope scope({"model", parts_.model_name.c_str(), "Observe", "decision", decision_});
+    ThrowUnlessOk(parts_.model->Observe(observe, {Latent(1 - current_), 1, latent_bytes_}),
+                  "model '" + parts_.model_name + "' Observe");
+  }
   current_ = 1 - current_;
 
   const std::string& who = parts_.planner_text;
@@ -115,8 +127,13 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   request.decision = decision_;
   request.environment_step = environment_step;
   PlanResult result;
-  result.action = {action_.data(), action_.size()};
-  result.metrics = {metrics_.data(), metrics_.size()};
+  for (Outputs* outputs : {&action_, &metrics_, &policy_actions_, &policy_weights_}) {
+    outputs->Unset();
+  }
+  result.action = action_.view();
+  result.metrics = metrics_.view();
+  result.value = std::numeric_limits<double>::quiet_NaN();
+  const CallScope scope({"", who.c_str(), "Plan", "decision", decision_});
   const Status status = parts_.planner->Plan(request, &result);
   ThrowUnlessOk(proxy_.fault(), who + " Plan");
   ThrowUnlessOk(status, who + " Plan");
@@ -125,17 +142,39 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   decision.simulations = result.simulations;
   decision.nodes = result.nodes;
   decision.depth = result.depth;
+  CheckOutputs();
   CheckPlanned(who, decision_, result);
   if (tree != nullptr && tree_report_ != nullptr) tree_report_->ReportTree(tree);
-  if (!policy_weights_.empty()) {
+  if (policy_weights_.size() > 0) {
     const MatrixView<double> policy{policy_actions_.data(), policy_weights_.size(), action_.size()};
-    const View<double> weights{policy_weights_.data(), policy_weights_.size()};
-    ThrowUnlessOk(policy_report_->ReportPolicy(policy, weights), who + " ReportPolicy");
-    CheckPolicy(who, policy, weights);
+    ThrowUnlessOk(policy_report_->ReportPolicy(policy, policy_weights_.view()),
+                  who + " ReportPolicy");
+    CheckOutputs();
+    CheckPolicy(who, policy, policy_weights_.view());
   }
   ++decision_;
   decision.plan_us = (Now() - begin) * 1e6;
   return decision;
+}
+
+void Agent::CheckOutputs() const {
+  const std::string& who = parts_.planner_text;
+  const std::pair<const Outputs*, const char*> all[] = {{&action_, "the action"},
+                                                        {&metrics_, "its metrics"},
+                                                        {&policy_actions_, "the policy's actions"},
+                                                        {&policy_weights_, "the policy's weights"}};
+  for (const auto& [outputs, what] : all) {
+    if (outputs->intact()) continue;
+    throw Failure(ExitCode::kInternal, who + " wrote beside " + what + " (" +
+                                           std::to_string(outputs->size()) +
+                                           " numbers) in decision " + std::to_string(decision_));
+  }
+  for (std::size_t i = 0; i < metrics_.size(); ++i) {
+    if (std::isfinite(metrics_[i])) continue;
+    throw Failure(ExitCode::kDiverged, who + " did not set its metric '" + parts_.metrics[i] +
+                                           "', or not to a finite number, in decision " +
+                                           std::to_string(decision_));
+  }
 }
 
 void Agent::Save(StateWriter* writer) const {

@@ -16,6 +16,7 @@
 #include "dreamsearch/model.h"
 #include "dreamsearch/planner.h"
 #include "host/acting/activity_clock.h"
+#include "host/acting/outputs.h"
 #include "host/plugins/model_proxy.h"
 #include "host/saving/state.h"
 #include "host/settings/seeds.h"
@@ -46,7 +47,7 @@ class Agent {
     Planner* planner = nullptr;
     std::string planner_text;            // in messages: "planner 'cem'"
     bool searches = true;                // or Imagine is refused
-    std::size_t metrics = 0;             // how many the planner reports
+    std::vector<std::string> metrics;    // names of what the planner reports
     std::size_t policy_actions = 0;      // that are asked of its improved policy
     Environment* environment = nullptr;  // whose state is given to a model that needs one
     bool model_needs_environment = false;
@@ -69,7 +70,7 @@ class Agent {
                   TreeSink* tree = nullptr);
 
   // The action of the last Decide, [A]; zero at an episode's start.
-  View<const double> action() const { return {action_.data(), action_.size()}; }
+  View<const double> action() const { return action_.view(); }
   // The improved policy of the last Decide, as many actions as the parts say.
   MatrixView<const double> policy_actions() const {
     return {policy_actions_.data(), policy_weights_.size(), action_.size()};
@@ -78,7 +79,7 @@ class Agent {
     return {policy_weights_.data(), policy_weights_.size()};
   }
   // The planner's metrics of the last Decide.
-  const std::vector<double>& metrics() const { return metrics_; }
+  const Outputs& metrics() const { return metrics_; }
   double Now() const { return parts_.clock(); }
   // Transitions the planner imagined since the agent was made or restored.
   std::uint64_t transitions() const { return proxy_.transitions(); }
@@ -89,6 +90,8 @@ class Agent {
 
  private:
   std::byte* Latent(std::size_t index);
+  // Throws Failure unless Plan set what it must and nothing beside it.
+  void CheckOutputs() const;
 
   Parts parts_;
   StateSaving* state_saving_;   // null unless the model needs the environment's state
@@ -99,10 +102,10 @@ class Agent {
   std::vector<std::byte> latent_memory_;  // two aligned latents: current and next
   std::size_t current_ = 0;
   std::vector<std::byte> environment_state_;
-  std::vector<double> action_;
-  std::vector<double> metrics_;
-  std::vector<double> policy_actions_;
-  std::vector<double> policy_weights_;
+  Outputs action_;
+  Outputs metrics_;
+  Outputs policy_actions_;
+  Outputs policy_weights_;
   EpisodePurpose phase_ = EpisodePurpose::kTraining;
   std::uint64_t episode_ = 0;
   std::uint64_t decision_ = 0;

@@ -64,6 +64,11 @@ void CheckEnvironment(const EnvironmentSpec& spec, const ResolvedComponent& comp
   const DeclaredValues declared("environment", component);
   declared.Check(spec.observation_size > 0, "observation_size", spec.observation_size,
                  "at least 1");
+  std::uint64_t parts = 0;
+  for (const ObservationPart& part : spec.observation) parts += part.size;
+  declared.Check(parts == spec.observation_size || spec.observation.empty(), "observation_size",
+                 spec.observation_size,
+                 "the sum of its observation parts, " + std::to_string(parts));
   declared.Check(spec.action_size > 0, "action_size", spec.action_size, "at least 1");
   for (const auto& [field, bounds] :
        {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {

@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "host/acting/actor.h"
+#include "host/acting/outputs.h"
+#include "host/plugins/call_site.h"
 #include "results/system/digest.h"
 #include "results/system/error.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 
@@ -27,14 +31,48 @@ double Percentile95(std::vector<double> values) {
   return values[index];
 }
 
+namespace {
+
+// Entry i of the observation by its part: "entry 2 of 'velocity'".
+std::string PartOf(const EnvironmentSpec& spec, std::uint64_t i) {
+  std::uint64_t first = 0;
+  for (const ObservationPart& part : spec.observation) {
+    if (i < first + part.size) {
+      return "entry " + std::to_string(i - first) + " of '" + part.name + "'";
+    }
+    first += part.size;
+  }
+  return "entry " + std::to_string(i);
+}
+
+}  // namespace
+
+void CheckReturn(const EnvironmentSpec& spec, const std::string& name, double episode_return) {
+  const double slack =
+      1e-6 * std::max({1.0, std::abs(spec.return_low), std::abs(spec.return_high)});
+  const bool inside =
+      episode_return >= spec.return_low - slack && episode_return <= spec.return_high + slack;
+  if (inside || spec.return_low == spec.return_high) return;
+  throw Failure(ExitCode::kPluginRefused,
+                "environment '" + name + "' says that returns lie in [" +
+                    ExactText(spec.return_low) + ", " + ExactText(spec.return_high) +
+                    "], by which scores are normalised; an episode's was " +
+                    ExactText(episode_return));
+}
+
 HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
                       std::uint64_t most_steps, View<double> observation) {
   std::vector<double> bounded(action.size);
   ToEnvironmentBounds(environment->spec(), action, {bounded.data(), bounded.size()});
+  Outputs seen(observation.size);
   HeldAction held;
+  const std::string who = "environment '" + name + "'";
   for (std::uint64_t i = 0; i < most_steps && !held.last; ++i) {
     StepResult step;
-    const Status status = environment->Step({bounded.data(), bounded.size()}, observation, &step);
+    seen.Unset();
+    step.reward = std::numeric_limits<double>::quiet_NaN();
+    const CallScope scope({"environment", name.c_str(), "Step"});
+    const Status status = environment->Step({bounded.data(), bounded.size()}, seen.view(), &step);
     if (status.code == StatusCode::kDiverged) {
       held.diverged = "environment '" + name + "': " + status.message;
       held.last = true;
@@ -46,10 +84,24 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
     held.discount = step.discount;
     held.last = step.last;
   }
-  if (!std::isfinite(held.reward) || !std::isfinite(held.discount) || !AllFinite(observation)) {
-    throw Failure(ExitCode::kDiverged,
-                  "environment '" + name + "': a reward or an observation is not finite");
+  if (!seen.intact()) {
+    throw Failure(ExitCode::kInternal, who + " wrote beside its observation (" +
+                                           std::to_string(seen.size()) + " numbers)");
   }
+  if (!std::isfinite(held.reward)) {
+    throw Failure(ExitCode::kDiverged, who + ": a reward was not set, or is not finite");
+  }
+  for (std::uint64_t i = 0; i < seen.size(); ++i) {
+    if (std::isfinite(seen[i])) continue;
+    throw Failure(ExitCode::kDiverged, who + ": an observation was not set, or is not finite: " +
+                                           PartOf(environment->spec(), i));
+  }
+  if (held.discount != 0 && held.discount != 1) {
+    throw Failure(ExitCode::kPluginRefused, who + " gave a discount of " +
+                                                ExactText(held.discount) +
+                                                ", expected 0 at a terminal state and 1 elsewhere");
+  }
+  std::copy(seen.begin(), seen.end(), observation.begin());
   return held;
 }
 
@@ -150,6 +202,7 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
     plan_us.push_back(decision.plan_us);
     if (!held.last) CheckLength(*environment, name, static_cast<std::uint64_t>(row->length));
   }
+  if (held.diverged.empty()) CheckReturn(environment->spec(), name, row->episode_return);
   row->wall_seconds = agent->Now() - begin;
   row->plan_us_mean = Mean(plan_us);
   row->plan_us_p95 = Percentile95(plan_us);

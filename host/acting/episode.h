@@ -54,6 +54,8 @@ HeldAction HoldAction(Environment* environment, const std::string& name, View<co
 // Throws Failure 69 if an episode that goes on after `length` environment steps has
 // outlived what the environment says of itself.
 void CheckLength(const Environment& environment, const std::string& name, std::uint64_t length);
+// The same if the return of a whole episode lies outside the declared range.
+void CheckReturn(const EnvironmentSpec& spec, const std::string& name, double episode_return);
 
 // What is to be played, and what becomes of it. Of several calls for one episode the
 // order is that in which they stand here.

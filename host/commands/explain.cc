@@ -300,7 +300,7 @@ int ExplainDecisionMain() {
       if (t != wanted) return;
       decided = decision;
       action.assign(agent.action().begin(), agent.action().end());
-      metrics = agent.metrics();
+      metrics.assign(agent.metrics().begin(), agent.metrics().end());
     };
     course.ended = [](std::uint64_t, const results::EpisodeRow&) {};
     course.failed = [&](std::uint64_t index, std::exception_ptr error) {

@@ -296,7 +296,12 @@ int Train::Run(const Words& words) {
   }
   if (failed_before != 0) {
     std::cerr << Counted(static_cast<std::uint64_t>(counts[SweepAction::kSkipFailed]), "run")
-              << " failed before; repeat the command with --retry to try again" << std::endl;
+              << " failed before; repeat the command with "
+              << (std::any_of(planned.begin(), planned.end(),
+                              [](const PlannedRun& run) { return run.changed; })
+                      ? "--replace to start them over"
+                      : "--retry to try again")
+              << std::endl;
   }
   const std::string db = ShellWord(options.process.db.string());
   if (ended[results::RunStatus::kInterrupted] > 0 ||

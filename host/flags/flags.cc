@@ -73,6 +73,18 @@ Setting ParseSetting(const Given& given) {
 
 }  // namespace
 
+namespace {
+
+FlagValue Jobs(ProcessOptions* process) {
+  return {[process](const Given& given) {
+    const auto jobs = static_cast<int>(ParseWhole(given.text, 0, 10000));
+    process->in_process = jobs == 0;
+    process->jobs = std::max(jobs, 1);
+  }};
+}
+
+}  // namespace
+
 Flag RunArgument(std::string* run) {
   return {"", "RUN", Text(run).Required(),
           "the run's number or the beginning of its UUID, from `runner status`"};
@@ -124,24 +136,24 @@ Flag DatabaseFlag(ProcessOptions* process) {
 }
 
 FlagGroup LimitFlags(ProcessOptions* process) {
-  return {
-      "Where and within which limits",
-      {DatabaseFlag(process),
-       PluginPathFlag(&process->plugin_path),
-       {"jobs", "N", Whole(&process->jobs, 1, 10000).Default("what the cores and the memory allow"),
-        "run this many worker processes at once; a run learns on the cores that no other "
-        "run needs, with the same results"},
-       {"time-limit", "TIME", Duration(&process->time_limit_seconds).Default("0, no limit"),
-        "end a run after this time, in seconds or as 30m or 2h"},
-       {"memory-limit", "SIZE",
-        Size(&process->memory_limit_bytes).Default("the free memory, divided by --jobs"),
-        "end a run whose process takes more memory than this (its resident size), in bytes or "
-        "as 512M or 4G; 0: never"},
-       {"nice", "N", Whole(&process->nice, 0, 19).Default("0"),
-        "run with this much lower priority than other programs, up to 19"},
-       {"hang-timeout", "TIME", Duration(&process->hang_timeout_seconds).Default("60"),
-        "end a run that makes no progress for this much processor time, in seconds or as 5m, "
-        "times the number of decisions that it makes at once; 0: never"}}};
+  return {"Where and within which limits",
+          {DatabaseFlag(process),
+           PluginPathFlag(&process->plugin_path),
+           {"jobs", "N", Jobs(process).Default("what the cores and the memory allow"),
+            "run this many worker processes at once; a run learns on the cores that no other "
+            "run needs, with the same results. 0: in this process, one run after the other, for a "
+            "debugger"},
+           {"time-limit", "TIME", Duration(&process->time_limit_seconds).Default("0, no limit"),
+            "end a run after this time, in seconds or as 30m or 2h"},
+           {"memory-limit", "SIZE",
+            Size(&process->memory_limit_bytes).Default("the free memory, divided by --jobs"),
+            "end a run whose process takes more memory than this (its resident size), in bytes or "
+            "as 512M or 4G; 0: never"},
+           {"nice", "N", Whole(&process->nice, 0, 19).Default("0"),
+            "run with this much lower priority than other programs, up to 19"},
+           {"hang-timeout", "TIME", Duration(&process->hang_timeout_seconds).Default("60"),
+            "end a run that makes no progress for this much processor time, in seconds or as 5m, "
+            "times the number of decisions that it makes at once; 0: never"}}};
 }
 
 Flag ScratchFlag(ProcessOptions* process) {

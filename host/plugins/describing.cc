@@ -12,8 +12,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <string>
 #include <utility>
 
 #include "host/plugins/plugin_loader.h"
@@ -232,15 +235,27 @@ PluginDescription DescribeInChild(const std::string& file, const ScanOptions& op
 
 namespace {
 
-// A library that allocates without end meets a limit instead of the machine's.
-// The sanitizers reserve address space beyond any limit.
+// Bytes of data that the process has mapped, a sanitizer's shadow included.
+rlim_t DataBytes() {
+  std::ifstream file("/proc/self/status");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("VmData:")) return std::strtoull(line.c_str() + 7, nullptr, 10) << 10;
+  }
+  return 0;
+}
+
+// A library that allocates without end meets a limit instead of the machine's. It counts from
+// what is mapped already: a preloaded sanitizer has reserved terabytes.
 void LimitResources() {
   const rlimit none = {0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   constexpr rlim_t kMostData = rlim_t{1} << 30;
-  const rlimit data = {kMostData, kMostData};
+  const rlim_t most = DataBytes() + kMostData;
+  const rlimit data = {most, most};
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   ::setrlimit(RLIMIT_DATA, &data);
+#else
+  static_cast<void>(data);
 #endif
 }
 

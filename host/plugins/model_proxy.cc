@@ -2,8 +2,21 @@
 
 #include <cmath>
 
+#include "host/plugins/call_site.h"
+
 namespace dreamsearch {
 namespace {
+
+// For %llu.
+unsigned long long Printed(std::uint64_t number) { return number; }
+
+// Index of the first entry outside [low, high], NaN included, or `size`.
+std::uint64_t FirstOutside(const double* data, std::uint64_t size, double low, double high) {
+  for (std::uint64_t i = 0; i < size; ++i) {
+    if (!(data[i] >= low && data[i] <= high)) return i;
+  }
+  return size;
+}
 
 // Index of the first entry that is not finite, or `size`.
 std::uint64_t FirstNotFinite(const double* data, std::uint64_t size) {
@@ -46,9 +59,15 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
       request.actions.cols != action_size_ || request.seeds.size != rows ||
       result.latents.rows != rows || result.latents.cols != latent_bytes_ ||
       result.rewards.size != rows || result.discounts.size != rows) {
-    return Keep(Error(StatusCode::kInvalidArgument,
-                      "model '%s': Imagine of %llu latents was given views of other sizes",
-                      name_.c_str(), static_cast<unsigned long long>(rows)));
+    return Keep(Error(
+        StatusCode::kInvalidArgument,
+        "model '%s': Imagine of %llu latents of %llu bytes was given actions [%llu, "
+        "%llu], %llu seeds, and room for latents [%llu, %llu], %llu rewards and %llu "
+        "discounts; %llu bytes and %llu action components expected",
+        name_.c_str(), Printed(rows), Printed(request.latents.cols), Printed(request.actions.rows),
+        Printed(request.actions.cols), Printed(request.seeds.size), Printed(result.latents.rows),
+        Printed(result.latents.cols), Printed(result.rewards.size), Printed(result.discounts.size),
+        Printed(latent_bytes_), Printed(action_size_)));
   }
   if (FirstNotFinite(request.actions.data, request.actions.size()) != request.actions.size()) {
     return Keep(Error(StatusCode::kNotFinite,
@@ -56,16 +75,29 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
                       "is not finite",
                       name_.c_str()));
   }
+  const std::byte* from = request.latents.data;
+  const std::byte* to = result.latents.data;
+  if (rows > 0 && from < to + result.latents.size() && to < from + request.latents.size()) {
+    return Keep(
+        Error(StatusCode::kInvalidArgument,
+              "model '%s': Imagine was given room for its latents that overlaps the latents "
+              "it begins at; imagine into other memory",
+              name_.c_str()));
+  }
   transitions_ += rows;
+  const CallScope scope({"model", name_.c_str(), "Imagine"});
   const Status status = model_->Imagine(request, result);
   if (!status.ok()) return KeepFailure("Imagine", status);
   if (const std::uint64_t i = FirstNotFinite(result.rewards.data, rows); i != rows) {
     return Keep(Error(StatusCode::kNotFinite, "model '%s': imagined reward %g is not finite",
                       name_.c_str(), result.rewards[i]));
   }
-  if (const std::uint64_t i = FirstNotFinite(result.discounts.data, rows); i != rows) {
-    return Keep(Error(StatusCode::kNotFinite, "model '%s': imagined discount %g is not finite",
-                      name_.c_str(), result.discounts[i]));
+  if (const std::uint64_t i = FirstOutside(result.discounts.data, rows, 0, 1); i != rows) {
+    const double discount = result.discounts[i];
+    return Keep(Error(std::isfinite(discount) ? StatusCode::kInternal : StatusCode::kNotFinite,
+                      "model '%s': imagined discount %g of row %llu is %s", name_.c_str(), discount,
+                      static_cast<unsigned long long>(i),
+                      std::isfinite(discount) ? "outside [0, 1]" : "not finite"));
   }
   return OkStatus();
 }
@@ -73,16 +105,19 @@ Status ModelProxy::Imagine(const ImagineRequest& request, const ImagineResult& r
 Status ModelProxy::KeepUnlessFinite(const char* what, View<const double> values) noexcept {
   const std::uint64_t i = FirstNotFinite(values.data, values.size);
   if (i == values.size) return OkStatus();
-  return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g is not finite", name_.c_str(), what,
-                    values[i]));
+  return Keep(Error(StatusCode::kNotFinite, "model '%s': %s %g of row %llu is not finite",
+                    name_.c_str(), what, values[i], Printed(i)));
 }
 
 Status ModelProxy::Value(ConstLatents latents, View<double> values) noexcept {
   if (latents.cols != latent_bytes_ || values.size != latents.rows) {
     return Keep(Error(StatusCode::kInvalidArgument,
-                      "model '%s': Value of %llu latents was given views of other sizes",
-                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+                      "model '%s': Value of %llu latents of %llu bytes (expected %llu) was given "
+                      "room for %llu values",
+                      name_.c_str(), Printed(latents.rows), Printed(latents.cols),
+                      Printed(latent_bytes_), Printed(values.size)));
   }
+  const CallScope scope({"model", name_.c_str(), "Value"});
   const Status status = model_->Value(latents, values);
   if (!status.ok()) return KeepFailure("Value", status);
   return KeepUnlessFinite("value", values);
@@ -102,6 +137,7 @@ Status ModelProxy::Spread(ConstLatents latents, const SpreadResult& request) noe
                       "model '%s': Spread of %llu latents was given views of other sizes",
                       name_.c_str(), static_cast<unsigned long long>(latents.rows)));
   }
+  const CallScope scope({"model", name_.c_str(), "Spread"});
   Status status = spread_->Spread(latents, result);
   if (!status.ok()) return KeepFailure("Spread", status);
   status = KeepUnlessFinite("value", result.values);
@@ -129,6 +165,7 @@ Status ModelProxy::Gradient(const GradientRequest& asked, const GradientResult& 
                       name_.c_str()));
   }
   transitions_ += steps;
+  const CallScope scope({"model", name_.c_str(), "Gradient"});
   Status status = gradient_->Gradient(request, result);
   if (!status.ok()) return KeepFailure("Gradient", status);
   status = KeepUnlessFinite("imagined return", result.returns);
@@ -136,37 +173,48 @@ Status ModelProxy::Gradient(const GradientRequest& asked, const GradientResult& 
   return KeepUnlessFinite("gradient of a return", {result.gradients.data, result.gradients.size()});
 }
 
+Status ModelProxy::CheckProposals(MatrixView<const double> actions) noexcept {
+  const std::uint64_t i = FirstOutside(actions.data, actions.size(), -1, 1);
+  if (i == actions.size()) return OkStatus();
+  const double action = actions.data[i];
+  return Keep(Error(std::isfinite(action) ? StatusCode::kInternal : StatusCode::kNotFinite,
+                    "model '%s': component %llu of proposed action %llu is %g, expected a number "
+                    "in [-1, 1]",
+                    name_.c_str(), static_cast<unsigned long long>(i % action_size_),
+                    static_cast<unsigned long long>(i / action_size_), action));
+}
+
 Status ModelProxy::ProposeMode(ConstLatents latents, MatrixView<double> actions) noexcept {
   if (latents.cols != latent_bytes_ || actions.rows != latents.rows ||
       actions.cols != action_size_) {
-    return Keep(Error(StatusCode::kInvalidArgument,
-                      "model '%s': ProposeMode of %llu latents was given views of other sizes",
-                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+    return Keep(
+        Error(StatusCode::kInvalidArgument,
+              "model '%s': ProposeMode of %llu latents of %llu bytes was given room for actions "
+              "[%llu, %llu]; %llu bytes and %llu action components expected",
+              name_.c_str(), Printed(latents.rows), Printed(latents.cols), Printed(actions.rows),
+              Printed(actions.cols), Printed(latent_bytes_), Printed(action_size_)));
   }
+  const CallScope scope({"model", name_.c_str(), "ProposeMode"});
   const Status status = model_->ProposeMode(latents, actions);
   if (!status.ok()) return KeepFailure("ProposeMode", status);
-  if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
-    return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
-                      name_.c_str()));
-  }
-  return OkStatus();
+  return CheckProposals(actions);
 }
 
 Status ModelProxy::ProposeSamples(ConstLatents latents, View<const std::uint64_t> seeds,
                                   MatrixView<double> actions) noexcept {
   if (latents.cols != latent_bytes_ || latents.rows == 0 || actions.rows % latents.rows != 0 ||
       actions.cols != action_size_ || seeds.size != latents.rows) {
-    return Keep(Error(StatusCode::kInvalidArgument,
-                      "model '%s': ProposeSamples of %llu latents was given views of other sizes",
-                      name_.c_str(), static_cast<unsigned long long>(latents.rows)));
+    return Keep(Error(
+        StatusCode::kInvalidArgument,
+        "model '%s': ProposeSamples of %llu latents of %llu bytes was given room for actions "
+        "[%llu, %llu] and %llu seeds; %llu bytes and %llu action components expected",
+        name_.c_str(), Printed(latents.rows), Printed(latents.cols), Printed(actions.rows),
+        Printed(actions.cols), Printed(seeds.size), Printed(latent_bytes_), Printed(action_size_)));
   }
+  const CallScope scope({"model", name_.c_str(), "ProposeSamples"});
   const Status status = model_->ProposeSamples(latents, seeds, actions);
   if (!status.ok()) return KeepFailure("ProposeSamples", status);
-  if (FirstNotFinite(actions.data, actions.size()) != actions.size()) {
-    return Keep(Error(StatusCode::kNotFinite, "model '%s': a proposed action is not finite",
-                      name_.c_str()));
-  }
-  return OkStatus();
+  return CheckProposals(actions);
 }
 
 }  // namespace dreamsearch

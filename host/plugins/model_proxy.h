@@ -37,6 +37,7 @@ class ModelProxy final : public Offers<LatentModel, ValueSpread, ReturnGradient>
 
  private:
   Status Keep(Status status) noexcept;
+  Status CheckProposals(MatrixView<const double> actions) noexcept;
   // A call that the model itself refused, with its name.
   Status KeepFailure(const char* call, const Status& status) noexcept;
 

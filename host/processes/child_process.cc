@@ -106,18 +106,30 @@ void EndWithParent(int signal) {
   if (ParentIsGone()) ::raise(signal);  // it went before the line above
 }
 
-double ProcessorSeconds(pid_t pid) {
+namespace {
+
+// The fields of /proc/PID/stat from the third on: the state first. Empty if the process is gone.
+std::string StatusFields(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
   std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   const std::size_t after_name = text.rfind(')');
-  if (after_name == std::string::npos) return -1;
-  std::istringstream fields(text.substr(after_name + 2));
+  return after_name == std::string::npos ? "" : text.substr(after_name + 2);
+}
+
+}  // namespace
+
+double ProcessorSeconds(pid_t pid) {
+  const std::string text = StatusFields(pid);
+  if (text.empty()) return -1;
+  std::istringstream fields(text);
   std::string skipped;
   for (int i = 0; i < 11; ++i) fields >> skipped;
   double user = 0, system = 0;
   fields >> user >> system;
   return (user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
 }
+
+bool IsAsleep(pid_t pid) { return StatusFields(pid).starts_with('S'); }
 
 std::string DescribeWaitStatus(int status) {
   if (WIFSIGNALED(status)) {

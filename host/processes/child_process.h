@@ -48,6 +48,10 @@ pid_t StartChild(const ChildSpec& spec);
 // it is gone.
 double ProcessorSeconds(pid_t pid);
 
+// Whether its main thread waits for something that is neither the processor nor a disk, and is not
+// stopped.
+bool IsAsleep(pid_t pid);
+
 // "exit status 3", "signal 11 (Segmentation fault)".
 std::string DescribeWaitStatus(int status);
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <iostream>
 #include <new>
 #include <nlohmann/json.hpp>
 
@@ -24,6 +25,7 @@ namespace {
 
 // How often the child's memory is looked at.
 constexpr double kMemorySeconds = 0.05;
+constexpr double kSilentSeconds = 10;
 
 }  // namespace
 
@@ -40,8 +42,15 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
 
   std::string text;
   const double deadline = ActivityClock::Now() + request.timeout_seconds;
-  bool timed_out = false;
+  bool timed_out = false, said = false;
   for (;;) {
+    // A constructor without end would otherwise be silent until the timeout.
+    if (!said && request.timeout_seconds > 0 &&
+        deadline - ActivityClock::Now() < request.timeout_seconds - kSilentSeconds) {
+      said = true;
+      std::cerr << "waiting for the components of " << request.who << ", for at most "
+                << FormatDuration(request.timeout_seconds) << std::endl;
+    }
     if (request.memory_limit_bytes > 0 && ResidentBytes(pid) > request.memory_limit_bytes) {
       ::kill(pid, SIGKILL);
       WaitForEnd(pid);
@@ -59,6 +68,7 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
       break;
     }
     if (request.memory_limit_bytes > 0) left = std::min(left, kMemorySeconds);
+    if (!said) left = std::min(left, 1.0);
     if (::poll(&polled, 1, std::max(1, static_cast<int>(left * 1000))) <= 0) continue;
     char buffer[65536];
     const ssize_t got = ::read(pipe.read.get(), buffer, sizeof buffer);

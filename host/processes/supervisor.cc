@@ -47,6 +47,11 @@ constexpr double kRecordAgainSeconds = 1;
 constexpr double kRecordPatienceSeconds = 1;
 constexpr double kLockPatienceSeconds = 30;
 
+// After so many times --hang-timeout of wall time without a report and without work a worker hangs,
+// in a lock or asleep; and how long it then has to say where.
+constexpr double kIdleFactor = 10;
+constexpr double kReportSeconds = 2;
+
 // How soon a run takes a core that another command's run has left, or gives it back.
 constexpr double kShareAgainSeconds = 0.25;
 
@@ -96,10 +101,13 @@ struct ActiveRun {
   std::string unread;
   double started = 0;
   double processor_at_report = 0;
+  double alive_at = 0;  // it reported, worked, waited for a disk or was stopped
+  double processor_when_alive = 0;
   RateMeter rate;
   ActiveLine line;
   WorkerCourse course;
   double asked_at = 0;  // to end
+  double hang_at = 0;   // told to say where it hangs
 };
 
 // What became of a run.
@@ -268,6 +276,10 @@ class Sweep {
       WorkerJob work = job.work;
       work.after_segment = known->last_segment;
       work.grace_seconds = static_cast<std::uint32_t>(std::ceil(GraceSeconds(options_)));
+      if (options_.in_process) {
+        WorkInThisProcess(run.get(), work);
+        return;
+      }
       const FileDescriptor input = MemoryFile(EncodeJob(work));
       run->grant = std::make_unique<ThreadGrant>();
       const FileDescriptor threads = run->grant->TakeDescriptor();
@@ -291,13 +303,24 @@ class Sweep {
       run->places.push_back(sharing_.Enter());
     }
     shared_ = false;
-    run->started = ActivityClock::Now();
+    run->started = run->alive_at = ActivityClock::Now();
     run->line.label = job.label;
     run->line.env_steps_target = job.work.spec.work_steps();
     // A training's rate must hold an episode with its updates; decisions are all alike.
     run->rate = RateMeter(job.work.spec.evaluation ? 1 : 1000);
     observer_->Say("started " + job.label);
     active_[index] = std::move(run);
+  }
+
+  // Without a child: a crash ends this process, and the same command resumes the run.
+  void WorkInThisProcess(ActiveRun* run, const WorkerJob& work) {
+    observer_->Say("working in this process on " + jobs_[run->index].label);
+    run->pid = ::getpid();
+    const int code = WorkHere(work, &run->course.error);
+    run->course.done = code == 0;
+    stopping_ = stopping_ || code == static_cast<int>(ExitCode::kInterrupted);
+    constexpr int kExitShift = 8;  // as waitpid tells an exit status
+    Finish(run, code << kExitShift);
   }
 
   // Gives the runs the cores that no run of ours or of another command needs.
@@ -353,6 +376,7 @@ class Sweep {
     switch (report.kind) {
       case WorkerReport::Kind::kProgress:
         run->processor_at_report = ProcessorSeconds(run->pid);
+        run->alive_at = ActivityClock::Now();
         if (report.progress.lock_wait_seconds > 0 && run->line.progress.lock_wait_seconds == 0) {
           observer_->Say("waiting " + run->line.label + ": another process has locked " +
                          database_->path());
@@ -387,9 +411,19 @@ class Sweep {
         run->course.memory_bytes = memory;
         Kill(run.get(), WorkerCourse::Killed::kMemory);
       }
-      if (options_.hang_timeout_seconds > 0 &&
-          ProcessorSeconds(run->pid) - run->processor_at_report > Patience(*run)) {
-        Kill(run.get(), WorkerCourse::Killed::kHang);
+      const bool watched = options_.hang_timeout_seconds > 0;
+      const double processor = ProcessorSeconds(run->pid);
+      if (processor > run->processor_when_alive || !IsAsleep(run->pid)) {
+        run->processor_when_alive = processor;
+        run->alive_at = now;
+      }
+      if (run->course.killed == WorkerCourse::Killed::kHang) {
+        if (now - run->hang_at > kReportSeconds) ::kill(run->pid, SIGKILL);
+      } else if (watched && processor - run->processor_at_report > Patience(*run)) {
+        EndHang(run.get());
+      } else if (watched && !asked && now - run->alive_at > kIdleFactor * Patience(*run)) {
+        run->course.idle_seconds = now - run->alive_at;
+        EndHang(run.get());
       } else if (asked && now - run->asked_at > GraceSeconds(options_)) {
         Kill(run.get(), WorkerCourse::Killed::kOverdue);
       } else if (!asked && options_.time_limit_seconds > 0 &&
@@ -397,6 +431,14 @@ class Sweep {
         Ask(run.get(), WorkerCourse::Asked::kTimeLimit);
       }
     }
+  }
+
+  // It says where it hangs, in its log, and is killed if it does not end by that.
+  void EndHang(ActiveRun* run) {
+    if (run->course.killed != WorkerCourse::Killed::kNo) return;
+    run->course.killed = WorkerCourse::Killed::kHang;
+    run->hang_at = ActivityClock::Now();
+    ::kill(run->pid, SIGABRT);
   }
 
   void Ask(ActiveRun* run, WorkerCourse::Asked why) {

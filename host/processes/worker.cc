@@ -11,6 +11,7 @@
 
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
+#include "host/processes/crash_report.h"
 #include "host/processes/eigen_product.h"
 #include "host/processes/stop_signals.h"
 #include "host/processes/thread_grant.h"
@@ -35,6 +36,9 @@ namespace {
 
 std::atomic<bool> stop_requested{false};
 
+// Of a worker in the process that started it: there is nobody to report to.
+bool alone = false;
+
 // To checkpoint and end, once the supervisor is gone.
 std::atomic<std::uint32_t> grace_seconds{60};
 
@@ -44,7 +48,7 @@ std::atomic<std::uint32_t> grace_seconds{60};
 // checkpoint is over: it may hang in a plugin, and nobody else is left who would notice.
 void RequestStop(int) {
   stop_requested = true;
-  if (ParentIsGone()) ::alarm(grace_seconds);
+  if (!alone && ParentIsGone()) ::alarm(grace_seconds);
 }
 
 // A signal that was ignored when `runner` was started stays ignored.
@@ -60,7 +64,9 @@ void CatchStopSignals() {
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-void Send(const WorkerReport& report) { WriteAll(kReportDescriptor, EncodeWorkerReport(report)); }
+void Send(const WorkerReport& report) {
+  if (!alone) WriteAll(kReportDescriptor, EncodeWorkerReport(report));
+}
 
 // Tells the supervisor how the run gets on, also while it waits for the database.
 class Reporter {
@@ -287,6 +293,7 @@ int WorkerMain() {
   // Die politely if the supervisor dies.
   CatchStopSignals();
   EndWithParent(StopRequestSignal());
+  ReportCrashes();
   const auto fail = [](int status, const std::string& message) {
     std::cerr << "error: " << message << "\n";
     WorkerReport report;
@@ -305,6 +312,22 @@ int WorkerMain() {
   } catch (const std::bad_alloc&) {
     return fail(static_cast<int>(ExitCode::kInternal),
                 "out of memory; lower run.replay_capacity or --jobs");
+  }
+}
+
+int WorkHere(const WorkerJob& job, std::string* error) {
+  alone = true;
+  stop_requested = false;
+  CatchStopSignals();
+  try {
+    const ThreadGrant one;
+    return Work(job, one);
+  } catch (const Failure& failure) {
+    *error = failure.what();
+    return failure.exit_status();
+  } catch (const std::bad_alloc&) {
+    *error = "out of memory; lower run.replay_capacity";
+    return static_cast<int>(ExitCode::kInternal);
   }
 }
 

@@ -63,4 +63,8 @@ WorkerJob DecodeJob(const std::string& text);
 // 75 interrupted, else as in error.h.
 int WorkerMain();
 
+// The same in this process, on one thread, for a debugger or a profiler: messages go to standard
+// error, a crash ends this process. What a Failure said is left in *error.
+int WorkHere(const WorkerJob& job, std::string* error);
+
 }  // namespace dreamsearch

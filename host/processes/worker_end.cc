@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "host/processes/child_process.h"
+#include "host/processes/crash_report.h"
 #include "host/processes/stop_signals.h"
 #include "results/system/error.h"
 #include "results/system/machine_fault.h"
@@ -18,16 +19,28 @@ namespace {
 // So much of a log is searched for its last line.
 constexpr std::streamoff kLogEndBytes = 64 << 10;
 
-// The last line of a log, for the message about a crash; a plugin may have filled it.
-std::string LastLine(const std::filesystem::path& log) {
+// What a log says at its end; a plugin may have filled it.
+struct LastWords {
+  std::string line;   // the last one, that of a crash report and what follows left out
+  std::string where;  // " in planner 'cem' Plan, decision 12", if a crash report says so
+};
+LastWords ReadLastWords(const std::filesystem::path& log) {
+  constexpr std::size_t kMost = 300;
   std::ifstream file(log);
   file.seekg(0, std::ios::end);
   file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
+  LastWords words;
   std::string last;
   for (std::string line; std::getline(file, line);) {
-    if (!line.empty()) last = line;
+    if (line.starts_with(kCrashMark)) {
+      words.line = last;
+      words.where = ", in " + line.substr(std::size(kCrashMark) - 1, kMost);
+    } else if (!line.empty()) {
+      last = line.substr(0, kMost);
+    }
   }
-  return last.substr(0, 300);
+  if (words.where.empty()) words.line = last;
+  return words;
 }
 
 bool IsStopSignal(int signal) {
@@ -42,10 +55,14 @@ WorkerEnd Killed(const WorkerCourse& course) {
   const std::string log = "Log: " + course.log.string();
   switch (course.killed) {
     case WorkerCourse::Killed::kHang:
-      return {results::RunStatus::kCrashed, crashed,
-              "made no progress for " + FormatDuration(course.patience_seconds) +
-                  " of processor time" + doing +
-                  "; a plugin hangs, or --hang-timeout is too short. " + log};
+      return {
+          results::RunStatus::kCrashed, crashed,
+          (course.idle_seconds > 0
+               ? "waited for " + FormatDuration(course.idle_seconds) + " without working" + doing
+               : "made no progress for " + FormatDuration(course.patience_seconds) +
+                     " of processor time" + doing) +
+              ReadLastWords(course.log).where +
+              "; a plugin hangs, or --hang-timeout is too short. " + log};
     case WorkerCourse::Killed::kMemory:
       return {results::RunStatus::kKilled, crashed,
               "took " + FormatBytes(static_cast<double>(course.memory_bytes)) + " of memory" +
@@ -89,14 +106,15 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
   const std::string log = ". Log: " + course.log.string();
   if (WIFSIGNALED(wait_status)) {
     const int signal = WTERMSIG(wait_status);
-    if (signal == SIGKILL) return Killed(course);
+    if (signal == SIGKILL || course.killed == WorkerCourse::Killed::kHang) return Killed(course);
     if (course.asked != WorkerCourse::Asked::kNo && IsStopSignal(signal)) {
       return {results::RunStatus::kInterrupted, interrupted, "ended before it could checkpoint"};
     }
-    const std::string last = LastLine(course.log);
+    const LastWords words = ReadLastWords(course.log);
     return {results::RunStatus::kCrashed, crashed,
             "crashed with " + DescribeWaitStatus(wait_status) + " while " +
-                RunStageName(course.stage) + (last.empty() ? "" : ": " + last) + log};
+                RunStageName(course.stage) + words.where +
+                (words.line.empty() ? "" : ": " + words.line) + log};
   }
   const int code = WEXITSTATUS(wait_status);
   if (code == 0 && course.done) return {results::RunStatus::kFinished, 0, ""};

@@ -22,6 +22,7 @@ struct WorkerCourse {
   std::string error;                     // reported
   std::filesystem::path log;
   double patience_seconds = 0;  // of processor time without progress
+  double idle_seconds = 0;      // of wall time asleep, if it was killed for that
   double grace_seconds = 0;     // after it was asked to end
   double time_limit_seconds = 0;
   std::uint64_t memory_bytes = 0;  // resident, when it was killed for it

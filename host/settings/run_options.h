@@ -31,6 +31,7 @@ struct ProcessOptions {
   std::filesystem::path scratch;  // a folder of this machine for the running database; empty: none
   std::vector<std::string> plugin_path;
   int jobs = 0;                   // 0: as many as the cores and the memory allow
+  bool in_process = false;        // --jobs 0: work in this process, one run after the other
   double time_limit_seconds = 0;  // 0: none
   // Of resident size, for each run. 0: none; kShareOfMemory: the memory that is free, divided by
   // the number of jobs.

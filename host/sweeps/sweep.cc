@@ -96,6 +96,29 @@ std::optional<Obstacle> ObstacleOf(results::Database* database, const results::R
   return std::nullopt;
 }
 
+// Why a run that is new here should not stand beside the finished ones of its configuration: other
+// plugins made them. Empty if there is no reason.
+std::string OtherPluginsOfItsKind(results::Database* database, const RunSpec& spec) {
+  const results::RunKey key = KeyOf(spec);
+  results::RunFilter filter;
+  filter.studies = {key.study};
+  filter.tasks = {key.task};
+  filter.planners = {key.planner};
+  filter.statuses = {results::RunStatus::kFinished};
+  filter.with_evaluations = false;
+  for (const results::RunInfo& run : database->ListRuns(filter)) {
+    if (run.model != key.model || run.config_sha256 != key.config_sha256 ||
+        run.action_repeat != key.action_repeat) {
+      continue;
+    }
+    const std::string changed = ChangedPlugin(database, run, spec);
+    if (changed.empty()) continue;
+    return "seed " + std::to_string(run.seed) + " finished before something changed: " + changed +
+           ". Use another --study, or --replace to add seeds to it all the same";
+  }
+  return "";
+}
+
 std::int64_t PluginId(results::Database* database, const ResolvedComponent& component) {
   const PluginInfo& plugin = component.info->plugin;
   results::PluginRow row;
@@ -225,25 +248,47 @@ bool IsWork(SweepAction action) {
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs) {
   std::vector<PlannedRun> planned;
+  std::map<std::string, std::string> others;  // OtherPluginsOfItsKind, by configuration
   for (const RunSpec& spec : specs) {
     PlannedRun run;
     run.spec = spec;
     const std::optional<results::RunInfo> found =
         database != nullptr ? database->FindRun(KeyOf(spec)) : std::nullopt;
+    if (!found && database != nullptr && !spec.evaluation && !options.replace) {
+      // Not of the seed: once for each configuration.
+      const std::string kind = spec.study + ' ' + CanonicalJson(spec);
+      const auto [entry, added] = others.try_emplace(kind);
+      if (added) entry->second = OtherPluginsOfItsKind(database, spec);
+      if (!entry->second.empty()) {
+        run.action = SweepAction::kRefused;
+        run.note = entry->second;
+        run.refusal = ExitCode::kPluginRefused;
+      }
+    }
     if (found) {
       run.run_id = found->run_id;
       const std::filesystem::path folder = database->RunFolder(*found);
       if (found->status == results::RunStatus::kFinished) {
         run.action = SweepAction::kSkipFinished;
+        if (const std::string changed = ChangedPlugin(database, *found, spec); !changed.empty()) {
+          run.note = "finished before something changed: " + changed +
+                     ". With another --study it runs again";
+        }
       } else if (RunIsLocked(folder)) {
         const std::string silent = SilentWorker(database, *found);
         run.action = silent.empty() ? SweepAction::kSkipActive : SweepAction::kRefused;
         run.note = silent.empty() ? "another process is working on it" : silent;
         run.refusal = ExitCode::kInputOutput;
       } else if (results::HasFailed(found->status) && !options.retry) {
-        run.action = SweepAction::kSkipFailed;
+        // A plugin that was mended since is another one: --replace accepts that, alone.
+        const auto obstacle = ObstacleOf(database, *found, spec, /*replace=*/true);
+        run.action =
+            obstacle && options.replace ? SweepAction::kStartOver : SweepAction::kSkipFailed;
+        run.changed = obstacle.has_value();
         run.note = std::string(results::RunStatusName(found->status)) + " before (" + found->error +
-                   "); --retry runs it again";
+                   ")" +
+                   (obstacle ? "; since then " + obstacle->why + ": --replace starts it over"
+                             : "; --retry runs it again");
       } else if (const auto obstacle = ObstacleOf(database, *found, spec, options.replace);
                  !obstacle) {
         run.action = SweepAction::kResume;
@@ -313,7 +358,9 @@ int SaySkipped(results::Database* database, const std::vector<PlannedRun>& plann
     if (run.action == SweepAction::kSkipFailed && failed_before == 0) {
       failed_before = FailureCode(*database->GetRun(run.run_id));
     }
-    if (!IsWork(run.action) && run.action != SweepAction::kSkipFinished) {
+    if (run.action == SweepAction::kSkipFinished && !run.note.empty()) {
+      std::cerr << "note: " << RunLabel(run.spec) << ": " << run.note << "\n";
+    } else if (!IsWork(run.action) && run.action != SweepAction::kSkipFinished) {
       std::cerr << (run.action == SweepAction::kRefused ? "refused: " : "skipped: ")
                 << RunLabel(run.spec) << ": " << run.note << "\n";
     }

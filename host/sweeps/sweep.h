@@ -41,11 +41,14 @@ struct PlannedRun {
   std::int64_t run_id = 0;           // 0: not recorded yet
   std::string note;                  // why it is skipped or starts over, or where it resumes
   ExitCode refusal = ExitCode::kOk;  // what a refused run makes the command end with
+  bool changed = false;              // of a failed one: it starts over with --replace
 };
 
 // Decides for each run whether this command starts, resumes, skips or refuses it. Writes nothing;
 // `database` may be null (no file yet). An unfinished run whose plugins or files changed or that
-// has lost its checkpoints is refused, unless options.replace: then it starts over.
+// has lost its checkpoints is refused, unless options.replace: then it starts over. So is a new
+// seed beside finished ones that other plugins made, which would be one line with them, unless
+// options.replace.
 std::vector<PlannedRun> PlanSweep(results::Database* database, const ProcessOptions& options,
                                   const std::vector<RunSpec>& specs);
 

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <limits>
 #include <utility>
 #include <vector>
 
+#include "host/plugins/call_site.h"
 #include "host/settings/schedule.h"
 #include "host/training/resumption.h"
 #include "results/system/digest.h"
@@ -243,6 +245,9 @@ void Experiment::MakeDecision() {
   if (!held.last) CheckLength(*environment_, spec_.environment.name(), episode_.length);
   if (held.last || at_.env_step >= target_) {
     at_.diverged_in_a_row = 0;
+    if (held.last) {
+      CheckReturn(environment_->spec(), spec_.environment.name(), episode_.episode_return);
+    }
     FinishEpisode();
   } else if (at_.pretrained != 0 && spec_.run.Flag("train_within_episode")) {
     EarnUpdates();
@@ -328,14 +333,16 @@ void Experiment::MakeUpdate() {
   request.seed = SeedFor(spec_.seed, SeedUse::kTrain, EpisodePurpose::kTraining, at_.updates, 0);
   request.update = at_.updates;
   request.environment_step = at_.env_step;
+  std::fill(metrics_.begin(), metrics_.end(), std::numeric_limits<double>::quiet_NaN());
+  const CallScope call({"model", spec_.model.name().c_str(), "Train", "update", at_.updates});
   const Status status = model_->Train(request, {metrics_.data(), metrics_.size()});
   const std::string what =
       "model '" + spec_.model.name() + "' update " + std::to_string(at_.updates);
   ThrowUnlessOk(status, what);
   for (std::size_t i = 0; i < metrics_.size(); ++i) {
     if (!std::isfinite(metrics_[i])) {
-      throw Failure(ExitCode::kDiverged,
-                    what + ": " + components_.model().metrics[i].name + " is not finite");
+      throw Failure(ExitCode::kDiverged, what + ": " + components_.model().metrics[i].name +
+                                             " was not set, or is not finite");
     }
     burst_metrics_[i] += metrics_[i];
   }

@@ -46,8 +46,9 @@ void Experiment::KeepTree(const Decision& decision) {
                                            "ran out");
   }
   if (tree_.edges().empty()) return;
+  const std::vector<double> metrics(agent_->metrics().begin(), agent_->metrics().end());
   nlohmann::json json =
-      TreeJson(tree_, agent_->action(), decision, agent_->metrics(), components_.planner().metrics);
+      TreeJson(tree_, agent_->action(), decision, metrics, components_.planner().metrics);
   json["env_step"] = at_.env_step;
   trees_[episode_.t] = results::JsonText(json);
 }

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <iterator>
 #include <thread>
+#include <tuple>
 
 #include "tests/integration/program.h"
 
@@ -76,9 +77,14 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Fault{"nan_action", "dreamer", "diverged", 72, "nan_action"},
                     Fault{"outside_action", "dreamer", "failed", 70, "outside_action"},
                     Fault{"throwing_planner", "dreamer", "crashed", 71, "thrown on purpose"},
-                    Fault{"segfault_planner", "dreamer", "crashed", 71, "signal 11"},
+                    Fault{"segfault_planner", "dreamer", "crashed", 71,
+                          "in planner 'segfault_planner' Plan, decision "},
+                    Fault{"unset_value", "dreamer", "diverged", 72, "set no value"},
+                    Fault{"writes_beside", "dreamer", "failed", 70, "wrote beside the action"},
                     Fault{"exiting_planner", "dreamer", "crashed", 71, "without finishing"},
-                    Fault{"hanging_planner", "dreamer", "crashed", 71, "made no progress"},
+                    Fault{"hanging_planner", "dreamer", "crashed", 71,
+                          "in planner 'hanging_planner' Plan, decision "},
+                    Fault{"sleeping_planner", "dreamer", "crashed", 71, "without working"},
                     Fault{"null_planner", "dreamer", "failed", 70, "null_planner"},
                     Fault{"dreamer", "nan_model", "diverged", 72, "nan_model"},
                     Fault{"dreamer", "wrong_size_model", "failed", 70, "wrong_size_model"}),
@@ -347,7 +353,8 @@ TEST(DeclaredValues, OfAnEnvironmentAreCheckedBeforeAnythingIsWritten) {
       {"no_steps", "'no_steps' says episode_steps = 0, expected at least 1"},
       {"short_bounds", "says action_low.size = 1, expected action_size = 2 numbers"},
       {"nan_bound", "says action_high[1] = nan, expected a finite number"},
-      {"equal_bounds", "says action_high[1] = -1, expected a finite number above action_low[1]"}};
+      {"equal_bounds", "says action_high[1] = -1, expected a finite number above action_low[1]"},
+      {"odd_parts", "says observation_size = 1, expected the sum of its observation parts, 2"}};
   const Workplace place;
   for (const auto& [environment, message] : cases) {
     const ProgramResult dry =
@@ -395,6 +402,89 @@ TEST(DeclaredValues, OfAModelCostItsRunAlone) {
             std::string::npos)
       << result.err;
   EXPECT_NE(run("odd_latent", "error").find("says latent_bytes = 72"), std::string::npos);
+}
+
+TEST(DeclaredValues, OfAStepAndAnEpisodeAreCheckedInEveryRun) {
+  const std::tuple<const char*, int, const char*> cases[] = {
+      {"unset_reward", 72, "a reward was not set"},
+      {"half_discount", 69, "gave a discount of 0.5, expected 0 at a terminal state and 1"},
+      {"false_return", 69, "says that returns lie in [-2, -1]"},
+      {"stray_observation", 70, "wrote beside its observation (1 numbers)"}};
+  for (const auto& [environment, code, message] : cases) {
+    const Workplace place;
+    const ProgramResult result = place.Runner(FaultyTraining(environment, "idle_model"));
+    EXPECT_EQ(result.exit_status, code) << environment << result.err;
+    EXPECT_NE(result.err.find(message), std::string::npos) << result.err;
+  }
+}
+
+TEST(InProcess, WorksWithoutAChildAndRecordsTheSame) {
+  const Workplace place;
+  const ProgramResult result =
+      place.Runner(FaultyTraining("good_environment", "idle_model", {"--jobs", "0"}));
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_NE(result.err.find("working in this process on good_environment"), std::string::npos)
+      << result.err;
+  EXPECT_EQ(place.Value("f.db", "select status from run"), "finished");
+  const std::string digest = place.Value("f.db", "select result_digest from run");
+  const Workplace other;
+  other.Runner(FaultyTraining("good_environment", "idle_model"));
+  EXPECT_EQ(other.Value("f.db", "select result_digest from run"), digest);
+  // What fails is recorded too.
+  const Workplace third;
+  const ProgramResult failed =
+      third.Runner(FaultyTraining("half_discount", "idle_model", {"--jobs", "0"}));
+  EXPECT_EQ(failed.exit_status, 69) << failed.err;
+  EXPECT_EQ(third.Value("f.db", "select status from run"), "failed");
+}
+
+// The plugin's bytes change and nothing else: as after a rebuild.
+class Rebuilt : public testing::Test {
+ protected:
+  Rebuilt() {
+    std::filesystem::create_directory(place_.Path("plugins"));
+    std::filesystem::copy_file(DREAMSEARCH_FAULTY_PLUGIN_DIR "/faulty.so", plugin_);
+  }
+  ProgramResult Run(const std::string& planner, const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments = FaultyTraining("good_environment", "idle_model", more);
+    std::replace(arguments.begin(), arguments.end(), std::string(DREAMSEARCH_FAULTY_PLUGIN_DIR),
+                 place_.Path("plugins"));
+    std::replace(arguments.begin(), arguments.end(), std::string("random"), planner);
+    return place_.Runner(arguments);
+  }
+  void Rebuild() const { std::ofstream(plugin_, std::ios::app) << "rebuilt"; }
+
+  const Workplace place_;
+  const std::string plugin_ = place_.Path("plugins/faulty.so");
+};
+
+TEST_F(Rebuilt, PluginIsNoticedOnFinishedRunsAndNotPooledWithoutAWord) {
+  ASSERT_EQ(Run("half_actor", {}).exit_status, 0);
+  Rebuild();
+  const ProgramResult again = Run("half_actor", {});
+  EXPECT_EQ(again.exit_status, 0) << again.err;
+  EXPECT_NE(again.err.find("finished before something changed: plugin faulty"), std::string::npos)
+      << again.err;
+  const ProgramResult more = Run("half_actor", {"--seeds", "2"});
+  EXPECT_EQ(more.exit_status, 69) << more.err;
+  EXPECT_NE(more.err.find("Use another --study, or --replace"), std::string::npos) << more.err;
+  EXPECT_EQ(place_.Value("f.db", "select count(*) from run"), "1");
+  EXPECT_EQ(Run("half_actor", {"--seeds", "2", "--replace"}).exit_status, 0);
+  EXPECT_EQ(place_.Value("f.db", "select group_concat(seed) from run"), "0,1");
+}
+
+// The advice of one command, followed, ends the matter.
+TEST_F(Rebuilt, PluginThatHadFailedStartsOverWithTheOneFlagThatIsAdvised) {
+  ASSERT_EQ(Run("null_planner", {}).exit_status, 70);
+  EXPECT_NE(Run("null_planner", {}).err.find("with --retry to try again"), std::string::npos);
+  Rebuild();
+  const ProgramResult advice = Run("null_planner", {});
+  EXPECT_EQ(advice.exit_status, 70);
+  EXPECT_NE(advice.err.find("--replace starts it over"), std::string::npos) << advice.err;
+  EXPECT_NE(advice.err.find("repeat the command with --replace"), std::string::npos) << advice.err;
+  const ProgramResult over = Run("null_planner", {"--replace"});
+  EXPECT_NE(over.err.find("1 to start over"), std::string::npos) << over.err;
+  EXPECT_EQ(place_.Value("f.db", "select max(segment) from segment"), "0");
 }
 
 TEST(DeclaredValues, AnEpisodeEndsWhenTheEnvironmentSaidItWould) {

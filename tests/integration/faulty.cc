@@ -41,7 +41,9 @@ enum class Fault {
   kHang,
   kSleep,
   kSegfaultAtStop,
-  kMemory
+  kMemory,
+  kUnsetValue,
+  kWritesBeside
 };
 
 template <Fault kFault>
@@ -58,6 +60,12 @@ class FaultyPlanner final : public Planner {
         break;
       case Fault::kOutside:
         result->action[0] = 1.5;
+        break;
+      case Fault::kUnsetValue:
+        result->value = std::numeric_limits<double>::quiet_NaN();  // as it came
+        break;
+      case Fault::kWritesBeside:
+        result->action.data[result->action.size] = 0;
         break;
       case Fault::kThrow:
         Throw();
@@ -279,7 +287,12 @@ enum class Claim {
   kNanBound,
   kEqualBounds,
   kEndless,
-  kEndlessFirst
+  kEndlessFirst,
+  kOddParts,
+  kUnsetReward,
+  kHalfDiscount,
+  kFalseReturn,
+  kWritesBeside
 };
 
 template <Claim kClaim>
@@ -293,6 +306,9 @@ class FaultyEnvironment final : public Environment {
     spec_.action_high = {high_, 2};
     spec_.control_seconds = 0.1;
     spec_.episode_steps = kClaim == Claim::kNoSteps ? 0 : 10;
+    if (kClaim == Claim::kOddParts) spec_.observation = {&part_, 1};
+    spec_.return_high = kClaim == Claim::kFalseReturn ? -1 : 0;
+    spec_.return_low = kClaim == Claim::kFalseReturn ? -2 : 0;
     if (kClaim == Claim::kNanBound) high_[1] = std::numeric_limits<double>::quiet_NaN();
     if (kClaim == Claim::kEqualBounds) high_[1] = low_[1];
   }
@@ -304,7 +320,9 @@ class FaultyEnvironment final : public Environment {
   }
   Status Step(View<const double>, View<double> observation, StepResult* result) noexcept override {
     observation[0] = 0;
-    result->reward = 0;
+    if (kClaim != Claim::kUnsetReward) result->reward = 0;
+    if (kClaim == Claim::kHalfDiscount) result->discount = 0.5;
+    if (kClaim == Claim::kWritesBeside) observation.data[1] = 0;
     result->last = !endless_ && ++steps_ == 10;
     return OkStatus();
   }
@@ -312,6 +330,7 @@ class FaultyEnvironment final : public Environment {
 
  private:
   double low_[2] = {-1, -1}, high_[2] = {1, 1};
+  ObservationPart part_{"pair", 2};
   EnvironmentSpec spec_;
   bool endless_;
   int steps_ = 0;
@@ -365,6 +384,8 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("sleeping_planner", MakePlanner<Fault::kSleep>),
     FaultyPlannerDescriptor("hoarding_planner", MakePlanner<Fault::kMemory>),
     FaultyPlannerDescriptor("segfault_at_stop_planner", MakePlanner<Fault::kSegfaultAtStop>),
+    FaultyPlannerDescriptor("unset_value", MakePlanner<Fault::kUnsetValue>),
+    FaultyPlannerDescriptor("writes_beside", MakePlanner<Fault::kWritesBeside>),
     FaultyPlannerDescriptor("null_planner", MakeNull),
     FaultyPlannerDescriptor("slow_planner", MakeSlow),
     FaultyPlannerDescriptor("half_actor", MakeHalfActor, kActorAlone),
@@ -379,6 +400,11 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyEnvironmentDescriptor("short_bounds", MakeEnvironment<Claim::kShortBounds>),
     FaultyEnvironmentDescriptor("nan_bound", MakeEnvironment<Claim::kNanBound>),
     FaultyEnvironmentDescriptor("equal_bounds", MakeEnvironment<Claim::kEqualBounds>),
+    FaultyEnvironmentDescriptor("odd_parts", MakeEnvironment<Claim::kOddParts>),
+    FaultyEnvironmentDescriptor("unset_reward", MakeEnvironment<Claim::kUnsetReward>),
+    FaultyEnvironmentDescriptor("half_discount", MakeEnvironment<Claim::kHalfDiscount>),
+    FaultyEnvironmentDescriptor("false_return", MakeEnvironment<Claim::kFalseReturn>),
+    FaultyEnvironmentDescriptor("stray_observation", MakeEnvironment<Claim::kWritesBeside>),
     FaultyEnvironmentDescriptor("endless", MakeEnvironment<Claim::kEndless>),
     FaultyEnvironmentDescriptor("endless_training", MakeEnvironment<Claim::kEndlessFirst>),
 };

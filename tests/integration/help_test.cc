@@ -145,7 +145,7 @@ TEST_F(EveryCommand, AValueOutOfRangeIsAUsageErrorThatSaysWhatIsExpected) {
     Words words;
     const char* message;
   } cases[] = {
-      {{"runner", ""}, {"--jobs", "0"}, "runner: --jobs: expected a whole number from 1 to 10000"},
+      {{"runner", ""}, {"--jobs", "-1"}, "runner: --jobs: expected a whole number from 0 to 10000"},
       {{"runner", "list"}, {"plannets"}, "Did you mean planners?"},
       {{"runner", "eval"}, {"--seeds", "-1"}, "runner eval: --seeds: expected a whole number"},
       {{"runner", "resume"}, {"--time-limit", "soon"}, "--time-limit: expected a duration"},

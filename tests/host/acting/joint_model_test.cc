@@ -301,6 +301,7 @@ class Failing final : public Planner {
     if (found != at_.end() && found->second == request.decision) {
       return Error(StatusCode::kInternal, "episode %d fails", found->first);
     }
+    result->value = 0;
     return model_->ProposeMode(request.root, {result->action.data, 1, kActions});
   }
   Status Save(ByteSink*) const noexcept override { return OkStatus(); }
@@ -360,7 +361,7 @@ Played Play(Model* model, std::size_t seats, std::uint64_t first, std::uint64_t 
   parts.environments = &environments;
   parts.agent.model_name = "linear";
   parts.agent.planner_text = "planner 'tested'";
-  parts.agent.metrics = metrics;
+  parts.agent.metrics.assign(metrics, "metric");
   parts.agent.model_needs_environment = needs_environment;
   parts.environment_name = "push";
   parts.run_seed = kRunSeed;

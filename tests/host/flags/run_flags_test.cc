@@ -175,7 +175,7 @@ TEST(ParseOptions, RefusesSeedsThatAreNone) {
 }
 
 TEST(ParseOptions, RefusesLimitsThatAreNone) {
-  ExpectUsage({"--jobs", "0"}, {"--jobs", "from 1"});
+  ExpectUsage({"--jobs", "-1"}, {"--jobs", "from 0"});
   ExpectUsage({"--time-limit", "soon"}, {"--time-limit", "duration", "found 'soon'"});
   ExpectUsage({"--time-limit", "-5"}, {"--time-limit"});
   ExpectUsage({"--time-limit", "nan"}, {"--time-limit"});

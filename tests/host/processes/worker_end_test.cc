@@ -81,6 +81,29 @@ TEST(WorkerEnd, ACrashNamesTheSignalTheStageAndTheLastLineOfTheLog) {
   std::filesystem::remove(log);
 }
 
+TEST(WorkerEnd, ACrashReportSaysInWhichCall) {
+  const std::string log = testing::TempDir() + "worker_end_report.log";
+  std::ofstream(log)
+      << "last words\n\n*** in planner 'cem' Plan, decision 12\n/x/p.so(+0x12)[0x1]\n";
+  WorkerCourse course;
+  course.log = log;
+  course.stage = RunStage::kLearning;
+  ExpectEnd(EndOf(course, SIGSEGV), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "while learning, in planner 'cem' Plan, decision 12: last words. Log: " + log);
+  // Of a hang the report was asked for, with a signal of its own.
+  course.killed = WorkerCourse::Killed::kHang;
+  course.patience_seconds = 60;
+  for (const int signal : {SIGABRT, SIGKILL}) {
+    ExpectEnd(EndOf(course, signal), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+              "made no progress for 60 s of processor time while learning, in planner 'cem' Plan, "
+              "decision 12; a plugin hangs");
+  }
+  course.idle_seconds = 600;
+  ExpectEnd(EndOf(course, SIGABRT), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "waited for 10 min without working while learning, in planner 'cem' Plan");
+  std::filesystem::remove(log);
+}
+
 TEST(WorkerEnd, WhoWasKilledIsToldWhy) {
   using results::RunStatus;
   WorkerCourse course;
