@@ -12,6 +12,7 @@
 #include "host/flags/run_flags.h"
 #include "host/plugins/descriptor_check.h"
 #include "host/plugins/elf.h"
+#include "host/plugins/received_plugin.h"
 #include "host/saving/checkpoint.h"
 #include "host/settings/run_parameters.h"
 #include "host/settings/run_spec.h"
@@ -143,12 +144,16 @@ Target Descriptor() {
     odd.summary = text_or_null();
     odd.parameters = {specs.data(), specs.size()};
     odd.task_parameter = text_or_null();
+    const std::uint64_t sizes[] = {0, 7, 64, UINT64_MAX, 1ull << 40};
+    if (random->Below(8) == 0) odd.parameters.stride = sizes[random->Below(std::size(sizes))];
     PluginDescriptor plugin;
-    plugin.struct_size = sizeof plugin;
+    if (random->Below(8) == 0) plugin.struct_size = sizes[random->Below(4)];
+    plugin.sdk_minor = static_cast<std::uint32_t>(random->Below(3));
     plugin.name = text_or_null();
     plugin.version = text_or_null();
     plugin.components = {&odd, 1};
-    CheckPluginDescriptor(&plugin, "/plugins/x.so");
+    const ReceivedPlugin received(&plugin, "/plugins/x.so");
+    CheckDeclarations(received.plugin(), "/plugins/x.so");
   };
 }
 
