@@ -24,7 +24,7 @@ def main():
     options = parser.parse_args()
     programs = run.Programs(options.bin_dir)
     # Long enough that it is not finished before the last cycle.
-    words = run.training(steps=max(1000, 60 * options.cycles))
+    words = run.training(steps=max(1000, 400 * options.cycles))
     expected = run.undisturbed(programs, words)
     faults = run.Faults()
     draw = random.Random(options.seed)

@@ -31,6 +31,10 @@ class Programs:
         own = dict(os.environ, TMPDIR=str(folder))  # shares its cores with no other run
         # Tasks of the tests: checkpoints come between episodes, and those of short20 are short.
         own["DREAMSEARCH_PLUGIN_PATH"] = str(self.bin.parent / "tests/integration/early")
+        # Of a build with sanitizers: a preloaded library comes first, and under ptrace no leak can be
+        # looked for.
+        own["ASAN_OPTIONS"] = ":".join(filter(None, [
+            os.environ.get("ASAN_OPTIONS"), "verify_asan_link_order=0", "detect_leaks=0"]))
         if self.preload:
             own["LD_PRELOAD"] = self.preload
         return own
