@@ -150,7 +150,16 @@ Status PythonEnvironment::Advance(View<const double> action, View<double> observ
   return status;
 }
 
+// Before anything is asked of Python: a refused call must leave the episode as it is.
+Status PythonEnvironment::CheckRoom(const char* call, View<double> observation) const noexcept {
+  if (observation.size == spec_.observation_size) return OkStatus();
+  return Error(StatusCode::kInvalidArgument, "%s: %s: expected room for %llu numbers, got %llu",
+               settings_.id.c_str(), call, static_cast<unsigned long long>(spec_.observation_size),
+               static_cast<unsigned long long>(observation.size));
+}
+
 Status PythonEnvironment::Reset(std::uint32_t seed, View<double> observation) noexcept {
+  if (Status status = CheckRoom("Reset", observation); !status.ok()) return status;
   return Guarded("reset", [&] { return Start(seed, observation); });
 }
 
@@ -171,6 +180,7 @@ Status PythonEnvironment::Step(View<const double> action, View<double> observati
                    settings_.id.c_str(), steps_ + 1, static_cast<unsigned long long>(i), action[i]);
     }
   }
+  if (Status status = CheckRoom("Step", observation); !status.ok()) return status;
   return Guarded("step", [&] { return Advance(action, observation, result); });
 }
 

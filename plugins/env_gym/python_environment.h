@@ -42,6 +42,7 @@ class PythonEnvironment final : public Offers<Environment, StateSaving, Renderin
   void Destroy() noexcept override { delete this; }
 
  private:
+  Status CheckRoom(const char* call, View<double> observation) const noexcept;
   struct StateHeader;
 
   ~PythonEnvironment() = default;

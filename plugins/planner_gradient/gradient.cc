@@ -10,6 +10,7 @@
 // largest return is played. The value it reports is that return, the improved policy that action
 // alone: a sequence is imagined as it stands, so nothing says how far the others' are to be
 // trusted.
+#include <limits>
 #include <numeric>
 #include <string>
 
@@ -107,7 +108,9 @@ class GradientPlanner final : public Offers<MemorylessPlanner, TreeReporting, Po
     std::copy(played_.begin(), played_.end(), result->action.data);
     result->metrics[kModeDistance] = ActionDistance(played, {mode_.data(), mode_.size()});
     result->metrics[kReturnGain] = settings_.iterations > 0 ? best - first_best : 0;
-    result->metrics[kGradientNorm] = settings_.iterations > 0 ? gradient_norm_ : 0;
+    // Gradients of 1e200 are finite, their squares are not.
+    result->metrics[kGradientNorm] =
+        settings_.iterations > 0 ? std::min(gradient_norm_, std::numeric_limits<double>::max()) : 0;
     result->value = best;
     result->simulations = static_cast<std::uint32_t>(n_);
     result->nodes = static_cast<std::uint32_t>(n_ * horizon_ + 1);
