@@ -266,9 +266,9 @@ mjModel* Compiled(const std::string& path) {
 
 Target ModelFile() {
   const MemoryPath path;
-  const mjModel* model = Compiled(path.Holding(kModel));
+  const std::shared_ptr<mjModel> model(Compiled(path.Holding(kModel)), mj_deleteModel);
   if (model == nullptr) std::abort();
-  auto data = std::shared_ptr<mjData>(mj_makeData(model), mj_deleteData);
+  const std::shared_ptr<mjData> data(mj_makeData(model.get()), mj_deleteData);
   const std::string texts[] = {"tolerance(height(b), 1.2, inf, 0.6) * 2 - abs(p)",
                                "position, velocity, height(b)", "height(b) < 0.5, p > 1", "a, -a"};
   static std::uint64_t crashed = 0;
