@@ -1,7 +1,8 @@
 // runner check FILE.so|[KIND/]NAME - does a plugin keep the laws of the interfaces?
 //
 // The supervisor loads no plugin: a child process does (`check-component`), and puts every case
-// into a process of its own. It tells each outcome as a line of JSON on descriptor 3.
+// into a process of its own. It tells each outcome as a line of JSON on descriptor 3. Over 400
+// lines: both ends of that pipe stand here, and what is printed of it.
 #include "dreamsearch/check/check.h"
 
 #include <poll.h>

@@ -1,3 +1,5 @@
+// sweep.cc - over 400 lines: planning, recording and what is refused ask the same questions of a
+// run.
 #include "host/sweeps/sweep.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// behaviour.cc - over 400 lines: a dream and the way back through it share every buffer.
 #include "plugins/model_dreamer/behaviour.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
-// oracle.cc - the simulator itself as a model, so that a planner's error can be told
+// oracle.cc (over 400 lines: one class, every call of which reads and writes the latent below) -
+// the simulator itself as a model, so that a planner's error can be told
 // from a model's (Koul et al. 2020, "oracle dynamics"; Moerland et al. 2018 searched
 // with true dynamics).
 //

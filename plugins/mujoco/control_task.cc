@@ -1,3 +1,4 @@
+// control_task.cc - over 400 lines: an episode, its saved state and its pictures are of one engine.
 #include "plugins/mujoco/control_task.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// database.cc - over 400 lines: opening a file is one chain of checks, from its name to its schema.
 #include "results/database/database.h"
 
 #include <sqlite3.h>

@@ -1,5 +1,5 @@
 // check.cc - puts the laws through: which concern a component, a child for each case, and what
-// became of it.
+// became of it. Over 400 lines: parent and child speak to each other and to nobody else.
 #include "dreamsearch/check/check.h"
 
 #include <dlfcn.h>

@@ -1,4 +1,5 @@
-// environment_laws.cc - the laws of environment.h.
+// environment_laws.cc - the laws of environment.h, one function each. Over 400 lines: they share
+// their subjects.
 #include "dreamsearch/random.h"
 #include "law.h"
 #include "tools.h"

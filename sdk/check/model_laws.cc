@@ -1,4 +1,5 @@
-// model_laws.cc - the laws of model.h.
+// model_laws.cc - the laws of model.h, one function each. Over 400 lines: they share their
+// subjects.
 #include "dreamsearch/random.h"
 #include "law.h"
 #include "probe_environment.h"
