@@ -40,7 +40,7 @@
 namespace dreamsearch {
 namespace {
 
-constexpr std::size_t kWidth = 100;
+constexpr std::size_t kReportWidth = 100;
 
 // What the child is asked for.
 struct CheckRequest {
@@ -254,7 +254,7 @@ class Printer {
  private:
   static void Line(const std::string& name, const std::string& text) {
     constexpr std::size_t kIndent = 30;
-    std::string wrapped = WrapText(Printable(text), kWidth - kIndent, kIndent);
+    std::string wrapped = WrapText(Printable(text), kReportWidth - kIndent, kIndent);
     const std::string head = std::string(19, ' ') + name;
     wrapped.replace(0, std::min(head.size(), kIndent - 1), head);
     std::cout << wrapped << '\n';

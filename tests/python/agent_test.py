@@ -56,11 +56,13 @@ def trained(programs, name):
                     *AGENTS[name], *SIZES[model]]:
         words += ["--set", setting]
     programs.call("runner", *words)
-    programs.call("runner", "export", "1", *database, "--out", f"{name}.safetensors")
+    # A recorded run loads a module from a folder of one's own only if the command names that.
+    trusted = ["--plugin-path", str(HERE)]
+    programs.call("runner", "export", "1", *database, *trusted, "--out", f"{name}.safetensors")
     for record in records.iterdir():
         record.unlink()
-    programs.call("runner", "eval", "1", *database, "--planner", "dreamer", "--episodes", "2",
-                  "--jobs", "1")
+    programs.call("runner", "eval", "1", *database, *trusted, "--planner", "dreamer", "--episodes",
+                  "2", "--jobs", "1")
     worlds = [[json.loads(line) for line in record.read_text().splitlines()]
               for record in records.iterdir()]
     return programs.folder / f"{name}.safetensors", worlds

@@ -52,7 +52,7 @@ expect 0 "n = 5" cat "$folder/a.svg"
 expect 0 "PNG" head -c 8 "$folder/a.png"
 expect 0 "task,line,env_step,x,mean,lo,hi,n" head -1 "$folder/a.csv"
 expect 2 "suffix" "$results" curves --db "$database" --out "$folder/a.bmp"
-expect 73 "cannot be created" "$results" curves --db "$database" --out "$folder/none/a.svg"
+expect 73 "cannot create" "$results" curves --db "$database" --out "$folder/none/a.svg"
 expect 2 "results curves: --phase: expected evaluation, training (0)" "$results" curves --db "$database" --phase 9
 expect 0 "wrote" "$results" curves --db "$database" --kind mean --x seconds --out "$folder/b.svg"
 expect 0 "wrote" "$results" curves --db "$database" --kind time --out "$folder/c.svg"
