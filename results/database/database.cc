@@ -335,14 +335,19 @@ Schema SchemaOf(sqlite3* handle) {
   return found;
 }
 
+std::unique_ptr<sqlite3, int (*)(sqlite3*)> DatabaseInMemory() {
+  sqlite3* opened = nullptr;
+  const int code = sqlite3_open(":memory:", &opened);
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> model(opened, sqlite3_close);
+  if (code != SQLITE_OK) throw Failure(ExitCode::kInputOutput, "SQLite: out of memory");
+  return model;
+}
+
 // What a new file has after each of the migrations; the views with the last.
 const std::vector<Schema>& OwnSchemas() {
   static const std::vector<Schema> schemas = [] {
     std::vector<Schema> made;
-    sqlite3* opened = nullptr;
-    const int code = sqlite3_open(":memory:", &opened);
-    const std::unique_ptr<sqlite3, int (*)(sqlite3*)> model(opened, sqlite3_close);
-    if (code != SQLITE_OK) throw Failure(ExitCode::kInputOutput, "SQLite: out of memory");
+    const auto model = DatabaseInMemory();
     for (const std::string& migration : Migrations()) {
       sqlite3_exec(model.get(), migration.c_str(), nullptr, nullptr, nullptr);
       if (made.size() + 1 == Migrations().size()) {
@@ -353,6 +358,25 @@ const std::vector<Schema>& OwnSchemas() {
     return made;
   }();
   return schemas;
+}
+
+// Whether a file has our views, no others, and tables that are tables: most do, and to see that
+// takes a tenth of the time of OwnSchemas. A view can be made without its tables.
+bool HasOurViewsAlone(const Schema& here) {
+  const auto model = DatabaseInMemory();
+  sqlite3_exec(model.get(), CreateViews().c_str(), nullptr, nullptr, nullptr);
+  const Schema own = SchemaOf(model.get());
+  std::size_t views = 0;
+  for (const auto& [name, object] : here) {
+    if (object.type == "view") {
+      const auto found = own.find(name);
+      if (found == own.end() || found->second.sql != object.sql) return false;
+      ++views;
+    } else if (object.type == "table" && object.sql.rfind("CREATE TABLE", 0) != 0) {
+      return false;
+    }
+  }
+  return views == own.size();
 }
 
 }  // namespace
@@ -397,6 +421,7 @@ std::vector<std::string> Database::ChangedSchema() {
 // come to an end. A view gives way to ours, in this connection; for a table nothing stands in.
 void Database::DistrustViews() {
   const Schema here = SchemaOf(connection_->handle());
+  if (HasOurViewsAlone(here)) return;
   bool changed = false;
   for (const auto& [name, own] : OwnSchemas().back()) {
     const auto found = here.find(name);
