@@ -1,5 +1,7 @@
 #include "results/command_line/program.h"
 
+#include <unistd.h>
+
 #include <exception>
 #include <filesystem>
 #include <iostream>
@@ -11,6 +13,7 @@
 #include "results/command_line/man_page.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/file_descriptor.h"
 #include "results/text/names.h"
 #include "results/text/text.h"
 
@@ -132,7 +135,7 @@ int ExitStatusOf(const std::string& program, const std::function<int()>& work) {
   try {
     const int status = work();
     std::cout.flush();
-    if (std::cout) return status;
+    if (std::cout || ReaderLeft(STDOUT_FILENO)) return status;
     std::cerr << "error: standard output could not be written" << std::endl;
     return static_cast<int>(ExitCode::kInputOutput);
   } catch (const Failure& error) {

@@ -34,7 +34,8 @@ std::vector<HelpPart> ProgramHelpParts(const Program& program);
 std::string ProgramHelp(const Program& program);
 
 // The body of a program's main: what `work` returns, or the exit status of the Failure that
-// left it, said in one line on standard error; 74 if standard output could not be written.
+// left it, said in one line on standard error; 74 if standard output could not be written, but
+// not if whoever read it has left: `| head` has what it wants.
 int ExitStatusOf(const std::string& program, const std::function<int()>& work);
 
 }  // namespace dreamsearch

@@ -1,5 +1,6 @@
 #include "results/system/file_descriptor.h"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -39,6 +40,11 @@ bool WriteAll(int fd, std::string_view bytes) {
     }
   }
   return true;
+}
+
+bool ReaderLeft(int fd) {
+  pollfd asked = {.fd = fd, .events = 0, .revents = 0};
+  return ::poll(&asked, 1, 0) == 1 && (asked.revents & POLLERR) != 0;
 }
 
 }  // namespace dreamsearch

@@ -37,4 +37,7 @@ std::string ReadAll(int fd);
 // Writes all of `bytes`; false if it cannot, errno says why (EPIPE: the reader is gone).
 bool WriteAll(int fd, std::string_view bytes);
 
+// Whether `fd` is a pipe or a socket that nobody reads any more, as in `runner --help | head`.
+bool ReaderLeft(int fd);
+
 }  // namespace dreamsearch

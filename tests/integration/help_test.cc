@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
 #include <sstream>
 
 #include "tests/integration/program.h"
@@ -186,6 +187,18 @@ TEST(Help, SaysHowToBegin) {
   for (const char* word : {"--env", "--planner", "--seeds", "--db", "resume", "describe"}) {
     EXPECT_NE(result.out.find(word), std::string::npos) << word;
   }
+}
+
+// As `runner --help | head` does: the reader is gone before anything is written.
+TEST(Help, SaysNothingToAReaderWhoLeft) {
+  const Workplace place;
+  const std::string command =
+      "cd '" + place.folder().string() +
+      "' && { while [ ! -e left ]; do sleep 0.01; done; " DREAMSEARCH_TEST_BIN_DIR
+      "/runner --help 2>err; echo $? >status; } | { exec <&-; touch left; }; "
+      "while [ ! -s status ]; do sleep 0.01; done; "
+      "[ ! -s err ] && [ \"$(cat status)\" = 0 ]";
+  EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
 }  // namespace
