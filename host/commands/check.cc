@@ -68,7 +68,23 @@ struct CheckRequest {
   }
 };
 
-nlohmann::json ToJson(const check::Outcome& outcome) {
+// An outcome on its way from the child.
+struct OutcomeMessage : check::Outcome {
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("law", &law);
+    (*archive)("title", &title);
+    (*archive)("of", &of);
+    (*archive)("verdict", &verdict);
+    (*archive)("expected", &expected);
+    (*archive)("found", &found);
+    (*archive)("advice", &advice);
+    (*archive)("seconds", &seconds);
+  }
+};
+
+// An outcome as `--json` prints it.
+nlohmann::json JsonOf(const check::Outcome& outcome) {
   return {{"law", outcome.law},
           {"title", outcome.title},
           {"case", outcome.of},
@@ -77,23 +93,6 @@ nlohmann::json ToJson(const check::Outcome& outcome) {
           {"found", outcome.found},
           {"advice", outcome.good() ? "" : outcome.advice},
           {"seconds", outcome.seconds}};
-}
-
-check::Outcome FromJson(const nlohmann::json& json) {
-  check::Outcome outcome;
-  outcome.law = json.at("law");
-  outcome.title = json.at("title");
-  outcome.of = json.at("case");
-  const std::string verdict = json.at("verdict");
-  for (std::uint32_t i = 0; i <= static_cast<std::uint32_t>(check::Verdict::kTooLarge); ++i) {
-    const auto candidate = static_cast<check::Verdict>(i);
-    if (verdict == check::VerdictName(candidate)) outcome.verdict = candidate;
-  }
-  outcome.expected = json.at("expected");
-  outcome.found = json.at("found");
-  outcome.advice = json.at("advice");
-  outcome.seconds = json.at("seconds");
-  return outcome;
 }
 
 void CheckHere(const CheckRequest& request, bool in_this_process,
@@ -179,7 +178,7 @@ void CheckInChild(const CheckRequest& request,
       if (line.contains("done")) {
         done = true;
       } else {
-        observer(FromJson(line));
+        observer(results::FieldsFromJson<OutcomeMessage>(line));
       }
     }
     text.erase(0, begin);
@@ -501,7 +500,7 @@ int CheckPlugin::Run() {
                           {"components", nlohmann::json::array()}};
     for (const Report& report : reports) {
       nlohmann::json outcomes = nlohmann::json::array();
-      for (const check::Outcome& outcome : report.outcomes) outcomes.push_back(ToJson(outcome));
+      for (const check::Outcome& outcome : report.outcomes) outcomes.push_back(JsonOf(outcome));
       out["components"].push_back({{"kind", ComponentKindName(report.component->kind)},
                                    {"name", report.component->name},
                                    {"version", report.component->version},
@@ -524,7 +523,9 @@ int CheckComponentMain() {
   };
   try {
     const auto request = results::FieldsFromJson<CheckRequest>(results::ParseJson(ReadAll(0)));
-    CheckHere(request, false, [&](const check::Outcome& outcome) { say(ToJson(outcome)); });
+    CheckHere(request, false, [&](const check::Outcome& outcome) {
+      say(results::FieldsToJson(OutcomeMessage{outcome}));
+    });
     say({{"done", true}});
     return 0;
   } catch (const Failure& error) {
