@@ -309,9 +309,16 @@ int Train::Run(const Words& words) {
     std::cerr << "resume with the same command, or with: " << ProgramPath("runner")
               << " resume --db " << db << "\n";
   } else {
-    std::cerr << "next: " << ProgramPath("results") << " list --db " << db << "\n"
-              << "      " << ProgramPath("results") << " curves --db " << db
-              << " --out curves.svg\n";
+    std::cerr << "next: " << ProgramPath("results") << " list --db " << db << "\n";
+    // Runs of before may be there to draw.
+    if (work == 0 || ended[results::RunStatus::kFinished] > 0) {
+      std::cerr << "      " << ProgramPath("results") << " curves --db " << db
+                << " --out curves.svg\n";
+    }
+    if (std::any_of(ended.begin(), ended.end(),
+                    [](const auto& of) { return of.second > 0 && results::HasFailed(of.first); })) {
+      std::cerr << "      the same command with --retry, to try again what failed\n";
+    }
   }
   return exit_status != 0 ? exit_status : failed_before;
 }

@@ -8,6 +8,7 @@
 #include "results/system/file.h"
 #include "results/system/sha256.h"
 #include "results/text/json_text.h"
+#include "results/text/text.h"
 
 namespace dreamsearch {
 namespace {
@@ -115,8 +116,8 @@ void Experiment::EndDivergedEpisode(const std::string& message) {
   DumpEpisode(message);
   const std::uint64_t most = spec_.run.Integer("diverged_episodes");
   if (at_.diverged_in_a_row >= most) {
-    throw Failure(ExitCode::kDiverged, message + ", as in all of the last " + std::to_string(most) +
-                                           " episodes (run.diverged_episodes)");
+    throw Failure(ExitCode::kDiverged, message + "; so ended " + Counted(most, "episode") +
+                                           " in a row, as many as run.diverged_episodes allows");
   }
   FinishEpisode();
 }

@@ -70,6 +70,7 @@ TEST_P(FailureTest, EndsItsRunAndTheSweepGoesOn) {
                         "'dreamer'"),
             "finished")
       << result.err;
+  EXPECT_NE(result.err.find("the same command with --retry"), std::string::npos) << result.err;
 }
 
 INSTANTIATE_TEST_SUITE_P(
