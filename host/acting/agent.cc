@@ -185,6 +185,7 @@ void Agent::Save(StateWriter* writer) const {
   const std::uint64_t transitions = proxy_.transitions();
   (*writer)("agent_transitions", &transitions);
   writer->Array("agent_latent", const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
+  const CallScope scope({"", parts_.planner_text.c_str(), "Save"});
   ThrowUnlessOk(
       writer->Stream("planner_memory", [&](ByteSink* sink) { return parts_.planner->Save(sink); }),
       parts_.planner_text + " Save");
@@ -201,6 +202,7 @@ void Agent::Load(StateReader* reader) {
   (*reader)("agent_transitions", &transitions);
   proxy_.set_transitions(transitions);
   reader->Array("agent_latent", Latent(current_), latent_bytes_);
+  const CallScope scope({"", parts_.planner_text.c_str(), "Load"});
   ThrowUnlessOk(reader->Stream("planner_memory",
                                [&](ByteSource* source) { return parts_.planner->Load(source); }),
                 parts_.planner_text + " Load");

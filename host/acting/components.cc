@@ -3,6 +3,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "host/plugins/call_site.h"
 #include "host/plugins/plugin_loader.h"
 #include "results/system/error.h"
 
@@ -34,6 +35,13 @@ T* FactoryResult(const Status& status, T* object, const char* kind, const std::s
     throw Failure(ExitCode::kInternal, what + ": its factory returned null");
   }
   return object;
+}
+
+// What a call of a factory returns; a crash or a hang inside it is located there.
+template <typename Factory>
+Status Made(const char* kind, const std::string& name, Factory factory) {
+  const CallScope scope({kind, name.c_str(), "factory"});
+  return factory();
 }
 
 // The values that a plugin declares of a component, held against what the interface
@@ -146,6 +154,7 @@ constexpr char kModelState[] = "state";
 
 void SaveModel(const Model& model, const std::string& name, CheckpointWriter* writer) {
   writer->Part(kModelPart, [&](StateWriter* part) {
+    const CallScope scope({"model", name.c_str(), "Save"});
     ThrowUnlessOk(part->Stream(kModelState, [&](ByteSink* sink) { return model.Save(sink); }),
                   "model '" + name + "' Save");
   });
@@ -153,6 +162,7 @@ void SaveModel(const Model& model, const std::string& name, CheckpointWriter* wr
 
 void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* model) {
   checkpoint.Read(kModelPart, [&](StateReader* part) {
+    const CallScope scope({"model", name.c_str(), "Load"});
     ThrowUnlessOk(
         part->Stream(kModelState, [&](ByteSource* source) { return model->Load(source); }),
         "model '" + name + "' Load");
@@ -180,8 +190,10 @@ EnvironmentPtr Components::MakeEnvironment() const {
   context.action_repeat = spec_.action_repeat();
   context.parameters = parameters.view();
   Environment* environment = nullptr;
-  const Status status = environment_->create_environment(context, &environment);
-  EnvironmentPtr made(FactoryResult(status, environment, "environment", spec_.environment.name()));
+  const std::string& name = spec_.environment.name();
+  const Status status = Made(
+      "environment", name, [&] { return environment_->create_environment(context, &environment); });
+  EnvironmentPtr made(FactoryResult(status, environment, "environment", name));
   CheckEnvironment(made->spec(), spec_.environment);
   if (!spec_.environment.ingredients.empty()) {
     ResolvedComponent now = spec_.environment;
@@ -209,7 +221,8 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.environment = own_environment;
   context.trained_model = trained_model;
   Model* model = nullptr;
-  const Status status = descriptor.create_model(context, &model);
+  const Status status =
+      Made("model", component.name(), [&] { return descriptor.create_model(context, &model); });
   ModelPtr made(FactoryResult(status, model, "model", component.name()));
   CheckModel(*made, environment, component);
   CheckPromise<ReturnGradient>("model", component, kGivesGradients, "kGivesGradients", made.get());
@@ -238,7 +251,8 @@ PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,
   context.action_size = model.action_size();
   context.latent_bytes = model.latent_bytes();
   Planner* made = nullptr;
-  const Status status = descriptor.create_planner(context, &made);
+  const Status status =
+      Made("planner", planner.name(), [&] { return descriptor.create_planner(context, &made); });
   PlannerPtr owned(FactoryResult(status, made, "planner", planner.name()));
   CheckPromise<PolicyReporting>("planner", planner, kReportsPolicy, "kReportsPolicy", made);
   return owned;

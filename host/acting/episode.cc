@@ -60,6 +60,12 @@ void CheckReturn(const EnvironmentSpec& spec, const std::string& name, double ep
                     ExactText(episode_return));
 }
 
+void ResetEnvironment(Environment* environment, const std::string& name, std::uint32_t seed,
+                      View<double> observation) {
+  const CallScope scope({"environment", name.c_str(), "Reset"});
+  ThrowUnlessOk(environment->Reset(seed, observation), "environment '" + name + "' Reset");
+}
+
 HeldAction HoldAction(Environment* environment, const std::string& name, View<const double> action,
                       std::uint64_t most_steps, View<double> observation) {
   std::vector<double> bounded(action.size);
@@ -177,7 +183,7 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
       SeedFor(parts_.run_seed, SeedUse::kEnvironment, EpisodePurpose::kEvaluation, index, 0));
   std::vector<double> observation(environment->spec().observation_size);
   const View<double> view{observation.data(), observation.size()};
-  ThrowUnlessOk(environment->Reset(seed, view), "environment '" + name + "' Reset");
+  ResetEnvironment(environment, name, seed, view);
   if (course.arrived) course.arrived(index, 0, environment, nullptr);
   agent->BeginEpisode(EpisodePurpose::kEvaluation, index);
   const double begin = agent->Now();

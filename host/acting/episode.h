@@ -44,6 +44,10 @@ struct HeldAction {
   std::string diverged;
 };
 
+// Environment::Reset. `name` is the environment's, for messages. Throws Failure.
+void ResetEnvironment(Environment* environment, const std::string& name, std::uint32_t seed,
+                      View<double> observation);
+
 // Applies an action of [-1, 1]^A for up to `most_steps` environment steps, at least
 // one, fewer if the episode ends. observation: [O], what it led to. `name` is the
 // environment's, for messages. Throws Failure 72 for what is not finite although the environment

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstddef>
+#include <cstdlib>
 #include <cstring>
 
 #include "host/plugins/call_site.h"
@@ -42,9 +43,7 @@ class Line {
 };
 
 // Only what a signal handler may call: a plugin's fault may lie inside malloc.
-void Report(int signal) {
-  ::alarm(kMostSeconds);
-  const CallSite site = call_site;
+void ReportSite(const CallSite& site) {
   Line line;
   line.Add("\n");
   line.Add(kCrashMark);
@@ -67,6 +66,11 @@ void Report(int signal) {
     }
   }
   line.Write();
+}
+
+void Report(int signal) {
+  ::alarm(kMostSeconds);
+  ReportSite(call_site);
   void* frames[64];
   const int count = ::backtrace(frames, 64);
   ::backtrace_symbols_fd(frames, count, STDERR_FILENO);
@@ -74,9 +78,14 @@ void Report(int signal) {
   ::raise(signal);  // which has its default action again
 }
 
+void ReportExit() {
+  if (call_site.name != nullptr) ReportSite(call_site);
+}
+
 }  // namespace
 
 void ReportCrashes() {
+  std::atexit(ReportExit);
   // The first backtrace loads a library, which allocates.
   void* frame = nullptr;
   ::backtrace(&frame, 1);

@@ -76,11 +76,11 @@ class Reporter {
   void Show(const RunProgress& progress) {
     if (waiting_) {
       waiting_ = false;
-      std::cerr << "the database is unlocked\n";
+      std::cerr << kOwnMark << "the database is unlocked\n";
     }
     if (progress.threads != report_.progress.threads) {
-      std::cerr << "threads: " << progress.threads << " from environment step " << progress.env_step
-                << "\n";
+      std::cerr << kOwnMark << "threads: " << progress.threads << " from environment step "
+                << progress.env_step << "\n";
     }
     report_.progress = progress;
     SendIfDue();
@@ -97,7 +97,7 @@ class Reporter {
     if (seconds < kSilentWaitSeconds) return true;
     if (!waiting_) {
       waiting_ = true;
-      std::cerr << "waiting: another process has locked the database " << db_ << "\n";
+      std::cerr << kOwnMark << "waiting: another process has locked the database " << db_ << "\n";
     }
     report_.progress.lock_wait_seconds = seconds;
     SendIfDue();
@@ -174,7 +174,7 @@ std::unique_ptr<RunLoop> MakeRunLoop(const WorkerJob& job, const std::string& uu
 
 int Work(const WorkerJob& job, const ThreadGrant& grant) {
   if (job.nice != 0 && ::setpriority(PRIO_PROCESS, 0, ::getpriority(PRIO_PROCESS, 0) + job.nice)) {
-    std::cerr << "warning: the priority of this process cannot be lowered\n";
+    std::cerr << kOwnMark << "warning: the priority of this process cannot be lowered\n";
   }
   const FileDescriptor lock = LockRun(job.folder);
   if (const std::string changed = ChangedFile(job.spec); !changed.empty()) {
@@ -231,12 +231,12 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
       for (const CheckpointFolder::Skipped& skipped : loaded->skipped) {
         writer.AddEvent(point.env_step, "warning",
                         skipped.damaged ? "damaged_checkpoint" : "unused_checkpoint", skipped.why);
-        std::cerr << "warning: " << skipped.why << "\n";
+        std::cerr << kOwnMark << "warning: " << skipped.why << "\n";
       }
       loop->Load(loaded->checkpoint);
       writer.AddEvent(static_cast<std::int64_t>(loop->env_step()), "info", "resume",
                       "from " + loaded->checkpoint.path().filename().string());
-      std::cerr << "resumed at environment step " << loop->env_step() << "\n";
+      std::cerr << kOwnMark << "resumed at environment step " << loop->env_step() << "\n";
       loaded.reset();
     }
     ready = true;
@@ -245,14 +245,15 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
     const auto env_step = static_cast<std::int64_t>(loop->env_step());
     if (outcome == RunLoop::Outcome::kInterrupted) {
       writer.EndSegment("interrupted", env_step);
-      std::cerr << "interrupted at environment step " << env_step << ", checkpoint written\n";
+      std::cerr << kOwnMark << "interrupted at environment step " << env_step
+                << ", checkpoint written\n";
       return static_cast<int>(ExitCode::kInterrupted);
     }
     WorkerReport report;
     report.kind = WorkerReport::Kind::kDone;
     report.result_digest = writer.Finish();
     Send(report);
-    std::cerr << "finished, result digest " << report.result_digest << "\n";
+    std::cerr << kOwnMark << "finished, result digest " << report.result_digest << "\n";
     return 0;
   } catch (const Failure& error) {
     const std::int64_t env_step =
@@ -266,7 +267,8 @@ int Work(const WorkerJob& job, const ThreadGrant& grant) {
       }
       writer.EndSegment(reason, env_step);
     } catch (const Failure& second) {
-      std::cerr << "warning: the end of this segment is not recorded: " << second.what() << "\n";
+      std::cerr << kOwnMark << "warning: the end of this segment is not recorded: " << second.what()
+                << "\n";
     }
     throw;
   }

@@ -21,7 +21,7 @@ constexpr std::streamoff kLogEndBytes = 64 << 10;
 
 // What a log says at its end; a plugin may have filled it.
 struct LastWords {
-  std::string line;   // the last one, that of a crash report and what follows left out
+  std::string line;   // the plugin's last one: a crash report and what follows is left out
   std::string where;  // " in planner 'cem' Plan, decision 12", if a crash report says so
 };
 LastWords ReadLastWords(const std::filesystem::path& log) {
@@ -35,7 +35,7 @@ LastWords ReadLastWords(const std::filesystem::path& log) {
     if (line.starts_with(kCrashMark)) {
       words.line = last;
       words.where = ", in " + line.substr(std::size(kCrashMark) - 1, kMost);
-    } else if (!line.empty()) {
+    } else if (!line.empty() && !line.starts_with(kOwnMark)) {
       last = line.substr(0, kMost);
     }
   }
@@ -118,9 +118,11 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
   }
   const int code = WEXITSTATUS(wait_status);
   if (code == 0 && course.done) return {results::RunStatus::kFinished, 0, ""};
-  if (code == 0) {
+  const std::string where = course.error.empty() ? ReadLastWords(course.log).where : "";
+  if (code == 0 || !where.empty()) {
     return {results::RunStatus::kCrashed, crashed,
-            "its process ended without finishing; a plugin called exit?" + log.substr(1)};
+            "its process ended with " + DescribeWaitStatus(wait_status) +
+                " before the run was over" + where + "; a plugin called exit?" + log.substr(1)};
   }
   if (code == interrupted) {
     return {results::RunStatus::kInterrupted, interrupted,

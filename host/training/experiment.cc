@@ -158,8 +158,8 @@ void Experiment::Watch(RunStage stage) {
 void Experiment::BeginEpisode() {
   const ActivityScope scope(&clock_, Activity::kEnvironment);
   episode_ = EpisodeState();
-  ThrowUnlessOk(environment_->Reset(EnvironmentSeed(), {observation_.data(), observation_.size()}),
-                "environment '" + spec_.environment.name() + "' Reset");
+  ResetEnvironment(environment_.get(), spec_.environment.name(), EnvironmentSeed(),
+                   {observation_.data(), observation_.size()});
   if (!AllFinite({observation_.data(), observation_.size()})) {
     throw Failure(ExitCode::kDiverged, "environment '" + spec_.environment.name() +
                                            "': the first observation is not finite");

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "host/plugins/call_site.h"
 #include "host/training/experiment.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
@@ -177,6 +178,7 @@ void Experiment::SaveEpisode(StateWriter* part) const {
   auto* saving = ExtensionOf<StateSaving>(environment_.get());
   std::vector<std::byte> state(saving != nullptr ? saving->state_bytes() : 0);
   if (!state.empty()) {
+    const CallScope scope({"environment", spec_.environment.name().c_str(), "SaveState"});
     ThrowUnlessOk(saving->SaveState({state.data(), state.size()}),
                   "environment '" + spec_.environment.name() + "' SaveState");
   }
@@ -248,6 +250,7 @@ void Experiment::LoadEpisode(StateReader* part) {
   std::vector<std::byte> state(saving != nullptr ? saving->state_bytes() : 0);
   part->Array("environment_state", state.data(), state.size());
   if (!state.empty()) {
+    const CallScope scope({"environment", spec_.environment.name().c_str(), "RestoreState"});
     ThrowUnlessOk(saving->RestoreState({state.data(), state.size()}),
                   "environment '" + spec_.environment.name() + "' RestoreState");
   } else {
@@ -255,8 +258,7 @@ void Experiment::LoadEpisode(StateReader* part) {
     // same bits.
     std::vector<double> observation(observation_.size());
     const View<double> view{observation.data(), observation.size()};
-    ThrowUnlessOk(environment_->Reset(EnvironmentSeed(), view),
-                  "environment '" + spec_.environment.name() + "' Reset");
+    ResetEnvironment(environment_.get(), spec_.environment.name(), EnvironmentSeed(), view);
     for (std::uint64_t t = 0; t < episode_.t; ++t) {
       HoldAction(environment_.get(), spec_.environment.name(),
                  {episode_actions_.data() + t * action_.size(), action_.size()},

@@ -38,6 +38,7 @@ enum class Fault {
   kThrow,
   kSegfault,
   kExit,
+  kQuit,
   kHang,
   kSleep,
   kSegfaultAtStop,
@@ -74,7 +75,9 @@ class FaultyPlanner final : public Planner {
         WriteToNull();
         break;
       case Fault::kExit:
-        std::_Exit(0);
+        std::_Exit(0);  // without exit handlers
+      case Fault::kQuit:
+        std::exit(3);
       case Fault::kHang: {
         volatile bool forever = true;
         while (forever) {
@@ -112,6 +115,11 @@ Status MakePlanner(const PlannerContext&, Planner** result) noexcept {
 Status MakeNull(const PlannerContext&, Planner** result) noexcept {
   *result = nullptr;
   return OkStatus();
+}
+
+Status MakeUnmakeable(const PlannerContext&, Planner** result) noexcept {
+  WriteToNull();
+  return MakePlanner<Fault::kNan>({}, result);
 }
 
 // Takes its time: 0.2 s of the processor's for every decision.
@@ -380,6 +388,8 @@ constexpr ComponentDescriptor kComponents[] = {
     FaultyPlannerDescriptor("throwing_planner", MakePlanner<Fault::kThrow>),
     FaultyPlannerDescriptor("segfault_planner", MakePlanner<Fault::kSegfault>),
     FaultyPlannerDescriptor("exiting_planner", MakePlanner<Fault::kExit>),
+    FaultyPlannerDescriptor("quitting_planner", MakePlanner<Fault::kQuit>),
+    FaultyPlannerDescriptor("unmakeable_planner", MakeUnmakeable),
     FaultyPlannerDescriptor("hanging_planner", MakePlanner<Fault::kHang>),
     FaultyPlannerDescriptor("sleeping_planner", MakePlanner<Fault::kSleep>),
     FaultyPlannerDescriptor("hoarding_planner", MakePlanner<Fault::kMemory>),

@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "host/processes/crash_report.h"
 #include "results/system/error.h"
 
 namespace dreamsearch {
@@ -25,7 +26,8 @@ TEST(WorkerEnd, AnExitIsTakenByItsCode) {
   course.error = "planner 'x' Plan: invalid";
   using results::RunStatus;
   ExpectEnd(EndOf(course, 0), RunStatus::kCrashed, ExitCode::kPluginCrashed,
-            "ended without finishing; a plugin called exit? Log: /runs/x/run.log");
+            "ended with exit status 0 before the run was over; a plugin called exit? Log: "
+            "/runs/x/run.log");
   course.done = true;
   ExpectEnd(EndOf(course, 0), RunStatus::kFinished, ExitCode::kOk, "");
   ExpectEnd(EndOf(course, Exited(ExitCode::kInterrupted)), RunStatus::kInterrupted,
@@ -101,6 +103,36 @@ TEST(WorkerEnd, ACrashReportSaysInWhichCall) {
   course.idle_seconds = 600;
   ExpectEnd(EndOf(course, SIGABRT), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
             "waited for 10 min without working while learning, in planner 'cem' Plan");
+  std::filesystem::remove(log);
+}
+
+TEST(WorkerEnd, AnExitInsideACallSaysInWhichCall) {
+  const std::string log = testing::TempDir() + "worker_end_exit.log";
+  std::ofstream(log) << "\n*** in planner 'cem' Plan, decision 12\n";
+  WorkerCourse course;
+  course.log = log;
+  for (const int status : {0, 3}) {
+    ExpectEnd(EndOf(course, status << 8), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+              "ended with exit status " + std::to_string(status) +
+                  " before the run was over, in planner 'cem' Plan, decision 12; a plugin called "
+                  "exit? Log: " +
+                  log);
+  }
+  std::filesystem::remove(log);
+}
+
+TEST(WorkerEnd, WhatTheWorkerWroteItselfIsNotAPluginsLastLine) {
+  const std::string log = testing::TempDir() + "worker_end_own.log";
+  const std::string report = "\n*** in planner 'cem' Plan, decision 12\n";
+  WorkerCourse course;
+  course.log = log;
+  course.stage = RunStage::kLearning;
+  std::ofstream(log) << kOwnMark << "threads: 2 from environment step 0\n" << report;
+  ExpectEnd(EndOf(course, SIGSEGV), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "in planner 'cem' Plan, decision 12. Log: " + log);
+  std::ofstream(log) << "said\n" << kOwnMark << "threads: 2 from environment step 0\n" << report;
+  ExpectEnd(EndOf(course, SIGSEGV), results::RunStatus::kCrashed, ExitCode::kPluginCrashed,
+            "in planner 'cem' Plan, decision 12: said. Log: " + log);
   std::filesystem::remove(log);
 }
 
