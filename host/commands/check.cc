@@ -233,14 +233,27 @@ class Printer {
     if (outcomes_.size() > 1) std::cout << " (" << Counted(outcomes_.size(), "case") << ")";
     std::cout << '\n';
     std::map<std::string, std::vector<std::string>> remarks;  // cases by what was remarked
+    std::vector<Fault> faults;
     for (const check::Outcome& outcome : outcomes_) {
       if (!outcome.good()) {
-        if (!outcome.of.empty()) Line("case", outcome.of);
-        Line("expected", outcome.expected);
-        Line("found", outcome.found);
+        const auto same = std::find_if(faults.begin(), faults.end(), [&](const Fault& fault) {
+          return fault.expected == outcome.expected && fault.found == outcome.found;
+        });
+        if (same != faults.end()) {
+          same->cases.push_back(outcome.of);
+        } else {
+          faults.push_back({outcome.expected, outcome.found, {outcome.of}});
+        }
       } else if (!outcome.found.empty()) {
         remarks[outcome.found].push_back(outcome.of);
       }
+    }
+    for (const Fault& fault : faults) {
+      if (!fault.cases.front().empty()) {
+        Line(fault.cases.size() == 1 ? "case" : "cases", JoinNames(fault.cases));
+      }
+      Line("expected", fault.expected);
+      Line("found", fault.found);
     }
     if (bad != outcomes_.end()) Line("to do", bad->advice);
     for (const auto& [remark, cases] : remarks) {
@@ -251,6 +264,12 @@ class Printer {
   }
 
  private:
+  // What several cases have in common is printed once.
+  struct Fault {
+    std::string expected, found;
+    std::vector<std::string> cases;
+  };
+
   static void Line(const std::string& name, const std::string& text) {
     constexpr std::size_t kIndent = 30;
     std::string wrapped = WrapText(Printable(text), kReportWidth - kIndent, kIndent);
@@ -340,6 +359,12 @@ std::vector<std::shared_ptr<const ComponentInfo>> CheckPlugin::Components() cons
   std::vector<std::shared_ptr<const ComponentInfo>> found;
   const bool is_file = what.ends_with(".so") || what[0] == '/' || what[0] == '.' ||
                        std::filesystem::is_regular_file(what);
+  if (std::filesystem::is_directory(what)) {
+    throw Failure(ExitCode::kNotFound,
+                  "runner check: expected a plugin's file or the name of a component, found " +
+                      what + ", a folder. For example: runner check " +
+                      (std::filesystem::path(what) / "my_planner.so").string());
+  }
   if (!is_file) {
     const Catalogue catalogue = ScanPlugins(plugin_path);
     found = ComponentsNamed(catalogue, "runner check", what);

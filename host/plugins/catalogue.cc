@@ -42,7 +42,14 @@ std::vector<PluginDescription> DescribeAll(const std::vector<std::string>& files
 
 std::string FolderNames(const std::vector<std::filesystem::path>& folders) {
   std::vector<std::string> names;
-  for (const auto& folder : folders) names.push_back(folder.string());
+  for (const auto& folder : folders) {
+    std::error_code error;
+    std::filesystem::directory_iterator file(folder, error);
+    const bool none = !error && std::none_of(begin(file), end(file), [](const auto& entry) {
+      return entry.path().extension() == ".so";
+    });
+    names.push_back(folder.string() + (none ? " (no .so there)" : ""));
+  }
   return names.empty() ? "no plugin folder (none exists)" : JoinNames(names);
 }
 
@@ -157,8 +164,15 @@ std::shared_ptr<const ComponentInfo> Catalogue::Find(ComponentKind kind,
   }
   std::string message = std::string("no ") + ComponentKindName(kind) + " '" + text + "' in " +
                         FolderNames(folders_) + ". " + KnownNames(name, known);
-  if (!refused.empty()) {
-    message += " Refused: " + JoinNames(refused) + " (`runner list` says why).";
+  // What is wrong with the one plugin that was refused is most likely why the name is unknown.
+  if (refusals_.size() == 1) {
+    message += " Refused: " + refusals_.front().message + ".";
+  } else if (!refused.empty()) {
+    message += " Refused: " + JoinNames(refused) +
+               " (`runner list` with the same --plugin-path says why).";
+  }
+  if (message.find("Did you mean") == std::string::npos) {
+    message += " Plugins of your own are found with --plugin-path FOLDER.";
   }
   throw Failure(ExitCode::kNotFound, message);
 }

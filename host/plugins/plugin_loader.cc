@@ -52,7 +52,7 @@ class FloatingPointGuard {
     const unsigned changed = (_mm_getcsr() ^ mxcsr_) & ~kStatusFlags;
     if ((changed & (kFlushToZero | kDenormalsAreZero)) != 0) {
       return "it, or a library it needs, was built with -ffast-math: loading it makes "
-             "denormal numbers zero in the whole process";
+             "denormal numbers zero in the whole process. Compile and link it without that flag";
     }
     if (changed != 0 || x87 != x87_) {
       return "loading it changes the rounding mode or the floating-point exceptions of the "
@@ -129,7 +129,8 @@ std::unique_ptr<const ReceivedPlugin> CheckedPlugin(const boost::dll::shared_lib
     const bool old = other.starts_with("dreamsearch_plugin_");
     RefusePlugin(
         path, std::string("expected the symbol ") + kPluginEntrySymbol + ", found " +
-                  (other.empty() ? "none of the kind: it is not a dreamsearch plugin"
+                  (other.empty() ? "none of the kind: it is not a dreamsearch "
+                                   "plugin, which ends with DREAMSEARCH_PLUGIN(...)"
                                  : other +
                                        (old ? ": it was built before SDK 1.0"
                                             : " of another major version of the SDK") +

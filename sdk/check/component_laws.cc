@@ -54,6 +54,9 @@ void DescribesItself(const Trial& trial) {
     ExpectText(metric.help, "the help of metric '" + std::string(metric.name) + "'");
     Expect(names.insert(metric.name).second, "every metric declared once", metric.name);
   }
+  Expect(component.kind != ComponentKind::kModel || component.metrics.empty() || trial.Has(kLearns),
+         "the trait kLearns of a model with metrics, which Train reports",
+         "none: Train is never called");
   Expect((component.traits & ~TraitsOf(component.kind)) == 0, "traits of its kind",
          Format("%#x", component.traits));
 }
@@ -255,7 +258,7 @@ constexpr Law kLaws[] = {
      "Complete the descriptor: `runner describe`, tables and help texts are made of it",
      DescribesItself},
     {"C3", kOfAll, Level::kMake, "can be made, used and destroyed",
-     "Give values with --set where a default cannot serve; otherwise mend the factory", IsMade,
+     "Mend the call that failed; where a default cannot serve, give values with --set", IsMade,
      Presets},
     {"C4", kOfAll, Level::kLaws, "leaves the process as it was",
      "Rounding, locale, signals, working folder, open files and threads belong to the host: put "

@@ -44,6 +44,7 @@ class EnvironmentBench {
   bool Play(Environment* environment, std::uint64_t seed, std::uint64_t first, std::uint64_t count,
             Transcript* transcript = nullptr, Look check = Look::kNothing) {
     const EnvironmentSpec& spec = environment->spec();
+    CheckBounds(spec);
     Guarded<double> observation("the observation", spec.observation_size);
     std::vector<double> action(spec.action_size);
     for (std::uint64_t i = first; i < first + count; ++i) {
@@ -90,6 +91,8 @@ class EnvironmentBench {
   double episode_return() const { return return_; }
 
   static void CheckSpec(const EnvironmentSpec& spec);
+  // That there are as many bounds as actions: what reads them asks first.
+  static void CheckBounds(const EnvironmentSpec& spec);
 
  private:
   static void CheckDiscount(const EnvironmentSpec& spec, const StepResult& result,
@@ -106,6 +109,16 @@ class EnvironmentBench {
   double return_ = 0;
 };
 
+void EnvironmentBench::CheckBounds(const EnvironmentSpec& spec) {
+  for (const auto& [field, bounds] :
+       {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {
+    Expect(
+        bounds.data != nullptr && bounds.size == spec.action_size,
+        std::string(field) + " of action_size = " + std::to_string(spec.action_size) + " numbers",
+        std::to_string(bounds.size));
+  }
+}
+
 void EnvironmentBench::CheckSpec(const EnvironmentSpec& spec) {
   const auto positive = [](const char* field, double value) {
     Expect(std::isfinite(value) && value > 0, std::string(field) + " above 0", Number(value));
@@ -115,13 +128,7 @@ void EnvironmentBench::CheckSpec(const EnvironmentSpec& spec) {
   positive("control_seconds", spec.control_seconds);
   positive("substeps", spec.substeps);
   positive("episode_steps", spec.episode_steps);
-  for (const auto& [field, bounds] :
-       {std::pair("action_low", spec.action_low), std::pair("action_high", spec.action_high)}) {
-    Expect(
-        bounds.data != nullptr && bounds.size == spec.action_size,
-        std::string(field) + " of action_size = " + std::to_string(spec.action_size) + " numbers",
-        std::to_string(bounds.size));
-  }
+  CheckBounds(spec);
   for (std::uint64_t j = 0; j < spec.action_size; ++j) {
     Expect(std::isfinite(spec.action_low[j]) && std::isfinite(spec.action_high[j]) &&
                spec.action_low[j] < spec.action_high[j],

@@ -16,6 +16,11 @@ std::uint64_t Checksum(const std::byte* data, std::uint64_t size) {
   return sum;
 }
 
+template <typename T>
+std::string Shape(const MatrixView<T>& matrix) {
+  return "[" + std::to_string(matrix.rows) + ", " + std::to_string(matrix.cols) + "]";
+}
+
 }  // namespace
 
 ProbeModel::ProbeModel(std::uint64_t action_size, std::uint64_t latent_bytes)
@@ -55,12 +60,17 @@ void ProbeModel::Blame(const std::string& expected, const std::string& found) {
 
 void ProbeModel::CheckCalls() const { Expect(expected_.empty(), expected_, found_); }
 
-bool ProbeModel::Sizes(const char* call, bool fit, std::uint64_t rows) {
-  if (fit) return true;  // without a text: calls that are right must not allocate
+template <typename Describe>
+Status ProbeModel::Sizes(const char* call, bool fit, Describe describe) {
+  if (fit) return OkStatus();
+  const std::string given = describe();
   if (expected_.empty())
-    Blame(std::string(call) + " with views of the sizes that model.h names",
-          std::to_string(rows) + " latents, and views of other sizes");
-  return false;
+    Blame(std::string(call) + " with views of the sizes that model.h names", given);
+  return Error(StatusCode::kInvalidArgument,
+               "%s was given %s; latents of %llu bytes and actions of %llu components are the "
+               "model's",
+               call, given.c_str(), static_cast<unsigned long long>(latent_bytes_),
+               static_cast<unsigned long long>(action_size_));
 }
 
 void ProbeModel::CheckActions(const char* call, MatrixView<const double> actions) {
@@ -113,9 +123,13 @@ Status ProbeModel::Imagine(const ImagineRequest& request, const ImagineResult& r
                    request.actions.cols == action_size_ && request.seeds.size == rows &&
                    result.latents.rows == rows && result.latents.cols == latent_bytes_ &&
                    result.rewards.size == rows && result.discounts.size == rows;
-  if (!Sizes("Imagine", fit, rows)) {
-    return Error(StatusCode::kInvalidArgument, "Imagine: views of wrong sizes");
-  }
+  const Status sizes = Sizes("Imagine", fit, [&] {
+    return Shape(request.latents) + " latents, " + Shape(request.actions) + " actions, " +
+           std::to_string(request.seeds.size) + " seeds, and room for " + Shape(result.latents) +
+           " latents, " + std::to_string(result.rewards.size) + " rewards and " +
+           std::to_string(result.discounts.size) + " discounts";
+  });
+  if (!sizes.ok()) return sizes;
   const std::byte* from = request.latents.data;
   const std::byte* to = result.latents.data;
   if (rows > 0 && from < to + result.latents.size() && to < from + request.latents.size()) {
@@ -143,9 +157,12 @@ Status ProbeModel::Value(ConstLatents latents, View<double> values) noexcept {
 Status ProbeModel::Spread(ConstLatents latents, const SpreadResult& result) noexcept {
   if (Status status = Begin(); !status.ok()) return status;
   const bool fit = latents.cols == latent_bytes_ && HasRoom(result, latents.rows);
-  if (!Sizes("Value", fit, latents.rows)) {
-    return Error(StatusCode::kInvalidArgument, "Value: views of wrong sizes");
-  }
+  const Status sizes = Sizes("Value", fit, [&] {
+    return Shape(latents) + " latents, and room for " + std::to_string(result.values.size) +
+           " values, " + std::to_string(result.deviations.size) + " deviations and " +
+           std::to_string(result.least.size) + " least values";
+  });
+  if (!sizes.ok()) return sizes;
   for (std::uint64_t i = 0; i < latents.rows; ++i) {
     const double good = ValueOf(Read("Value", latents, i));
     result.values[i] = Told(good);
@@ -165,9 +182,13 @@ Status ProbeModel::Gradient(const GradientRequest& request, const GradientResult
                    request.seeds.size == request.actions.rows && result.returns.size == rows &&
                    result.gradients.rows == request.actions.rows &&
                    result.gradients.cols == action_size_;
-  if (!Sizes("Gradient", fit, rows)) {
-    return Error(StatusCode::kInvalidArgument, "Gradient: views of wrong sizes");
-  }
+  const Status sizes = Sizes("Gradient", fit, [&] {
+    return Shape(request.latents) + " latents, " + Shape(request.actions) + " actions, " +
+           std::to_string(request.seeds.size) + " seeds, and room for " +
+           std::to_string(result.returns.size) + " returns and " + Shape(result.gradients) +
+           " gradients";
+  });
+  if (!sizes.ok()) return sizes;
   CheckActions("Gradient", request.actions);
   const std::uint64_t horizon = request.actions.rows / rows;
   for (std::uint64_t b = 0; b < rows; ++b) {
@@ -215,9 +236,10 @@ Status ProbeModel::ProposeMode(ConstLatents latents, MatrixView<double> actions)
   if (Status status = Begin(); !status.ok()) return status;
   const bool fit =
       latents.cols == latent_bytes_ && actions.rows == latents.rows && actions.cols == action_size_;
-  if (!Sizes("ProposeMode", fit, latents.rows)) {
-    return Error(StatusCode::kInvalidArgument, "ProposeMode: views of wrong sizes");
-  }
+  const Status sizes = Sizes("ProposeMode", fit, [&] {
+    return Shape(latents) + " latents, and room for " + Shape(actions) + " actions";
+  });
+  if (!sizes.ok()) return sizes;
   for (std::uint64_t i = 0; i < latents.rows; ++i) {
     ModeOf(Read("ProposeMode", latents, i), actions.row(i));
     if (answers == Answers::kNan || answers == Answers::kInfinite) actions(i, 0) = Told(0);
@@ -231,9 +253,11 @@ Status ProbeModel::ProposeSamples(ConstLatents latents, View<const std::uint64_t
   const bool fit = latents.cols == latent_bytes_ && latents.rows > 0 &&
                    actions.rows % latents.rows == 0 && actions.cols == action_size_ &&
                    seeds.size == latents.rows;
-  if (!Sizes("ProposeSamples", fit, latents.rows)) {
-    return Error(StatusCode::kInvalidArgument, "ProposeSamples: views of wrong sizes");
-  }
+  const Status sizes = Sizes("ProposeSamples", fit, [&] {
+    return Shape(latents) + " latents, " + std::to_string(seeds.size) + " seeds, and room for " +
+           Shape(actions) + " actions";
+  });
+  if (!sizes.ok()) return sizes;
   const std::uint64_t each = actions.rows / latents.rows;
   for (std::uint64_t i = 0; i < latents.rows; ++i) {
     const State state = Read("ProposeSamples", latents, i);

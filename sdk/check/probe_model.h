@@ -61,7 +61,10 @@ class ProbeModel final : public Offers<LatentModel, ValueSpread, ReturnGradient>
   State Read(const char* call, ConstLatents latents, std::uint64_t row);
   void Write(const State& state, View<std::byte> latent) const;
   void Blame(const std::string& expected, const std::string& found);
-  bool Sizes(const char* call, bool fit, std::uint64_t rows);
+  // Fails unless `fit`. `describe` makes the text of what was given: calls that are right make
+  // none, and do not allocate.
+  template <typename Describe>
+  Status Sizes(const char* call, bool fit, Describe describe);
   void CheckActions(const char* call, MatrixView<const double> actions);
   Status Begin();
   double Told(double good) const;

@@ -29,6 +29,19 @@ TEST(CheckCommand, ABrokenLawIsNamedWithWhatWasFoundAndWhatToDo) {
   }
 }
 
+TEST(CheckCommand, AFaultThatManyCasesShareIsPrintedOnce) {
+  const Workplace place;
+  const ProgramResult result = place.Runner(
+      {"check", "null_planner", "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR, "--law", "C6"});
+  EXPECT_EQ(result.exit_status, 78) << result.err;
+  EXPECT_NE(result.out.find("A = 1, latents of 64 bytes"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("A = 64, latents of"), std::string::npos) << result.out;
+  const std::size_t first = result.out.find("\n                   expected ");
+  EXPECT_NE(first, std::string::npos) << result.out;
+  EXPECT_EQ(result.out.find("\n                   expected ", first + 1), std::string::npos)
+      << result.out;
+}
+
 TEST(CheckCommand, ACrashIsLocatedAndTheOtherComponentsAreChecked) {
   const Workplace place;
   const ProgramResult result =
@@ -55,6 +68,10 @@ TEST(CheckCommand, WhatIsNotThereOrNoPluginHasTheCodeOfItsRefusal) {
   EXPECT_EQ(unknown.exit_status, 66);
   EXPECT_NE(unknown.err.find("Did you mean mcts_pw?"), std::string::npos) << unknown.err;
   EXPECT_EQ(place.Runner({"check", DREAMSEARCH_TEST_BIN_DIR "/gone/"}).exit_status, 66);
+  const ProgramResult folder = place.Runner({"check", DREAMSEARCH_TEST_BIN_DIR});
+  EXPECT_EQ(folder.exit_status, 66);
+  EXPECT_NE(folder.err.find(DREAMSEARCH_TEST_BIN_DIR ", a folder"), std::string::npos)
+      << folder.err;
   EXPECT_EQ(place.Runner({"check", DREAMSEARCH_TEST_BIN_DIR "/runner"}).exit_status, 69);
 }
 

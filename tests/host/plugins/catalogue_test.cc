@@ -224,11 +224,29 @@ TEST(Catalogue, SaysWhichNamesAreKnown) {
     FAIL() << "godo was found";
   } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);
-    EXPECT_EQ(std::string(error.what()),
-              "no planner 'godo' in " + std::filesystem::canonical(folder.path()).string() +
-                  ". Known: good. Did you mean good? Refused: broken.so (`runner list` says why).");
+    EXPECT_EQ(std::string(error.what()), "no planner 'godo' in " +
+                                             std::filesystem::canonical(folder.path()).string() +
+                                             ". Known: good. Did you mean good? Refused: " +
+                                             catalogue.refusals().front().message + ".");
   }
   EXPECT_THROW(catalogue.Find(ComponentKind::kEnvironment, "good"), Failure);
+}
+
+TEST(Catalogue, WhoForgotTheFolderOfHisPluginIsToldHowToNameIt) {
+  const LibraryFolder folder, project;
+  folder.Copy(Corpus("good"), "good.so");
+  project.Write("mine.cc", "// no library");
+  const Catalogue catalogue = Catalogue::Scan({project.path(), folder.path()}, Patient());
+  try {
+    catalogue.Find(ComponentKind::kPlanner, "quite_another");
+    FAIL() << "quite_another was found";
+  } catch (const Failure& error) {
+    EXPECT_EQ(std::string(error.what()),
+              "no planner 'quite_another' in " +
+                  std::filesystem::canonical(project.path()).string() + " (no .so there), " +
+                  std::filesystem::canonical(folder.path()).string() +
+                  ". Known: good. Plugins of your own are found with --plugin-path FOLDER.");
+  }
 }
 
 TEST(Catalogue, TheEarlierFolderWinsWithAWarning) {

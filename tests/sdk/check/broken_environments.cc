@@ -23,6 +23,7 @@ enum class Fault {
   kSharesState,
   kForgetsVelocity,
   kOverflows,
+  kHasNoBounds,
 };
 
 struct State {
@@ -38,7 +39,7 @@ class Ball final : public Offers<Environment, StateSaving> {
     spec_.observation = Records<ObservationPart>(parts_, 2);
     spec_.observation_size = 3;
     spec_.action_size = 1;
-    spec_.action_low = {&low_, 1};
+    if (kFault != Fault::kHasNoBounds) spec_.action_low = {&low_, 1};
     spec_.action_high = {&high_, 1};
     spec_.control_seconds = 0.1;
     spec_.episode_steps = 50;
@@ -143,6 +144,7 @@ std::vector<BrokenComponent> BrokenEnvironments() {
   constexpr auto kExtremes = Level::kExtremes;
   return {
       {Component<Fault::kNone>(), "", "", kExtremes},
+      {Component<Fault::kHasNoBounds>(), "C3", "0"},
       {Component<Fault::kPartsDoNotAddUp>(), "E1", "4 (position 2 + product 2)", kExtremes},
       {Component<Fault::kStepsOn>(), "E2", "success", kExtremes},
       {Component<Fault::kTakesNan>(), "E3", "success", kExtremes},

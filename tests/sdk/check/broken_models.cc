@@ -28,19 +28,33 @@ enum class Fault {
   kLearnsNan,
   kCountsThreads,
   kWrongShape,
+  kForgetsTheValueInGradients,
+  kReportsAnotherReturn,
+  kDoesNotSayThatItLearns,
 };
 
 double shared_bias = 0;  // of Fault::kSharesState
 
+// The others give none: what is wrong with their transitions would be wrong with the gradient too.
+constexpr bool GivesGradients(Fault fault) {
+  return fault == Fault::kNone || fault == Fault::kForgetsTheValueInGradients ||
+         fault == Fault::kReportsAnotherReturn;
+}
+
 // A latent is the first four entries of the observation; the reward is a learned bias plus the
 // first of them.
 template <Fault kFault>
-class Linear final : public Offers<Model, ValueSpread, TensorExport> {
+class Linear final : public Offers<Model, ValueSpread, ReturnGradient, TensorExport> {
  public:
   explicit Linear(const ModelContext& context)
       : observation_size_(context.observation_size), action_size_(context.action_size) {
     Random random(context.seed);
     bias() = random.Uniform();
+  }
+
+  void* Extension(const char* name) noexcept override {
+    if (!GivesGradients(kFault) && std::strcmp(name, ReturnGradient::kName) == 0) return nullptr;
+    return Offers::Extension(name);
   }
 
   std::uint64_t latent_bytes() const noexcept override { return kLatentAlignment; }
@@ -112,6 +126,44 @@ class Linear final : public Offers<Model, ValueSpread, TensorExport> {
         result.deviations[i] = 0;
       }
       if (!result.least.empty()) result.least[i] = result.values[i];
+    }
+    return OkStatus();
+  }
+
+  // Entry 0 of a latent alone decides rewards and values, and an action moves it by a tenth of the
+  // sum of its entries 0, 4, 8, ...
+  Status Gradient(const GradientRequest& request, const GradientResult& result) noexcept override {
+    const std::uint64_t n = request.latents.rows, rows = request.actions.rows;
+    const std::uint64_t horizon = n == 0 ? 0 : rows / n;
+    if (request.latents.cols != kLatentAlignment || request.actions.cols != action_size_ ||
+        rows != n * horizon || request.seeds.size != rows || result.returns.size != n ||
+        result.gradients.rows != rows || result.gradients.cols != action_size_) {
+      return Error(StatusCode::kInvalidArgument, "Gradient: views of other sizes");
+    }
+    for (std::uint64_t b = 0; b < n; ++b) {
+      double x[4];
+      Read(request.latents, b, x);
+      double sum = 0, left = 1;
+      for (std::uint64_t t = 0; t < horizon; ++t) {
+        double moved = x[0];
+        for (std::uint64_t j = 0; j < action_size_; j += 4) {
+          moved += 0.1 * request.actions(b * horizon + t, j);
+        }
+        x[0] = std::tanh(moved);
+        sum += left * (bias() + x[0]);
+        left *= 0.99;
+        // Until the way back below: how much of a change of the entry before is left.
+        result.gradients(b * horizon + t, 0) = 1 - x[0] * x[0];
+      }
+      result.returns[b] = sum + left * 10 * x[0];
+      if (kFault == Fault::kReportsAnotherReturn) result.returns[b] += 0.5;
+      double slope = kFault == Fault::kForgetsTheValueInGradients ? 0 : left * 10;
+      for (std::uint64_t t = horizon; t-- > 0;) {
+        const View<double> row = result.gradients.row(b * horizon + t);
+        left /= 0.99;
+        slope = (slope + left) * row[0];
+        for (std::uint64_t j = 0; j < action_size_; ++j) row[j] = j % 4 == 0 ? 0.1 * slope : 0;
+      }
     }
     return OkStatus();
   }
@@ -218,7 +270,8 @@ const ComponentDescriptor* Component() {
   static const ComponentDescriptor component = [] {
     ComponentDescriptor made;
     made.kind = ComponentKind::kModel;
-    made.traits = kLearns;
+    if (kFault != Fault::kDoesNotSayThatItLearns) made.traits |= kLearns;
+    if (GivesGradients(kFault)) made.traits |= kGivesGradients;
     made.name = "broken_model";
     made.version = "1.0.0";
     made.summary = "right but for one thing";
@@ -235,6 +288,7 @@ std::vector<BrokenComponent> BrokenModels() {
   constexpr auto kExtremes = Level::kExtremes;
   return {
       {Component<Fault::kNone>(), "", "", kExtremes},
+      {Component<Fault::kDoesNotSayThatItLearns>(), "C2", "Train is never called", kExtremes},
       {Component<Fault::kRefusesToTrainInAnEpisode>(), "M1", "an episode is under way"},
       {Component<Fault::kTakesAnySize>(), "M2", "success"},
       {Component<Fault::kLeavesDeviations>(), "M3", "NaN, or was not set"},
@@ -250,6 +304,8 @@ std::vector<BrokenComponent> BrokenModels() {
       {Component<Fault::kLearnsNan>(), "M11", "success", kExtremes},
       {Component<Fault::kCountsThreads>(), "M12", "", kExtremes},
       {Component<Fault::kWrongShape>(), "M13", "", kExtremes},
+      {Component<Fault::kForgetsTheValueInGradients>(), "M14", "a gradient of ", kExtremes},
+      {Component<Fault::kReportsAnotherReturn>(), "M14", "", kExtremes},
   };
 }
 
