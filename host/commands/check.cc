@@ -240,18 +240,16 @@ class Printer {
           return fault.expected == outcome.expected && fault.found == outcome.found;
         });
         if (same != faults.end()) {
-          same->cases.push_back(outcome.of);
+          same->cases += "; " + outcome.of;
         } else {
-          faults.push_back({outcome.expected, outcome.found, {outcome.of}});
+          faults.push_back({outcome.expected, outcome.found, outcome.of});
         }
       } else if (!outcome.found.empty()) {
         remarks[outcome.found].push_back(outcome.of);
       }
     }
     for (const Fault& fault : faults) {
-      if (!fault.cases.front().empty()) {
-        Line(fault.cases.size() == 1 ? "case" : "cases", JoinNames(fault.cases));
-      }
+      if (!fault.cases.empty()) Line("case", fault.cases);
       Line("expected", fault.expected);
       Line("found", fault.found);
     }
@@ -266,8 +264,7 @@ class Printer {
  private:
   // What several cases have in common is printed once.
   struct Fault {
-    std::string expected, found;
-    std::vector<std::string> cases;
+    std::string expected, found, cases;
   };
 
   static void Line(const std::string& name, const std::string& text) {

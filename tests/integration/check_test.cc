@@ -34,8 +34,8 @@ TEST(CheckCommand, AFaultThatManyCasesShareIsPrintedOnce) {
   const ProgramResult result = place.Runner(
       {"check", "null_planner", "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR, "--law", "C6"});
   EXPECT_EQ(result.exit_status, 78) << result.err;
-  EXPECT_NE(result.out.find("A = 1, latents of 64 bytes"), std::string::npos) << result.out;
-  EXPECT_NE(result.out.find("A = 64, latents of"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("A = 1, latents of 64 bytes;"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("A = 64, latents"), std::string::npos) << result.out;
   const std::size_t first = result.out.find("\n                   expected ");
   EXPECT_NE(first, std::string::npos) << result.out;
   EXPECT_EQ(result.out.find("\n                   expected ", first + 1), std::string::npos)

@@ -42,6 +42,17 @@ def builds_a_plugin(machine, prefix, folder):
     return plugin
 
 
+def has_what_the_page_refers_to(machine, prefix, place):
+    """Pages and experiments stand where the installed README.md links to, and run from there."""
+    docs = prefix / "share/doc/dreamsearch"
+    links = set(re.findall(r"\]\(([^):#]+\.(?:md|cfg))", (docs / "README.md").read_text()))
+    missing = [link for link in links
+               if not link.startswith(("results/", "CO", "CH")) and not (docs / link).exists()]
+    assert len(links) > 15 and not missing, (len(links), missing)
+    machine.call(prefix / "bin/runner", "--config", docs / "plugins/env_mjcf/example/crane.cfg",
+                 "--planner", "random", "--steps", "6000", "--dry-run", cwd=place)
+
+
 def refuses_another_version(machine, prefix, folder):
     """A plugin that asks for a newer release is not built against this one."""
     text = (folder / "outside/CMakeLists.txt").read_text()
@@ -69,6 +80,7 @@ def main():
 
         promises.lists_every_plugin(machine, prefix / "bin", cwd=place)
         promises.trains_and_reads(machine, prefix / "bin", cwd=place)
+        has_what_the_page_refers_to(machine, prefix, place)
         plugin = builds_a_plugin(machine, prefix, folder)
         promises.loads(machine, prefix / "bin", plugin, cwd=place)
         refuses_another_version(machine, prefix, folder)
