@@ -743,9 +743,10 @@ class Sequences {
 
 // M14. A central difference with step h is h^2 / 6 times a third derivative from the slope, and
 // eps |return| / h where the model computes with a precision of eps: a slope is right if it is by
-// one of several steps.
+// one of several steps. kRounding is that of floats and the largest step, ten times.
 void GivesTheGradientOfItsReturns(const Trial& trial) {
-  constexpr double kSteps[] = {0.2, 0.05, 0.01, 1e-3}, kOfTheLargest = 0.05, kOfTheReturn = 1e-4;
+  constexpr double kSteps[] = {0.2, 0.05, 0.01, 1e-3}, kOfTheLargest = 0.05, kOfTheReturn = 1e-4,
+                   kRounding = 3e-6;
   constexpr std::uint64_t kCount = Sequences::kCount;
   ModelBench bench(trial);
   const Owned<Model> model = bench.Make();
@@ -820,7 +821,7 @@ void GivesTheGradientOfItsReturns(const Trial& trial) {
         }
         const double slope = slopes[b * width + i];
         Expect(std::abs(nearest[b] - slope) <=
-                   kOfTheLargest * largest + kOfTheReturn * (1 + std::abs(reported[b])),
+                   kOfTheLargest * largest + kRounding * (1 + std::abs(reported[b])),
                Format("the central difference of return %llu for action %llu, entry %llu: ",
                       static_cast<unsigned long long>(b),
                       static_cast<unsigned long long>(i / bench.sizes().action),
