@@ -116,7 +116,8 @@ boost::dll::shared_library LoadLibrary(const std::string& path, const FloatingPo
   const std::string changes = guard.Changes();
   if (!changes.empty()) {
     // Unloading what just ran its initialisers is no safer than keeping it.
-    new boost::dll::shared_library(std::move(library));
+    static auto& kept = *new std::vector<boost::dll::shared_library>;
+    kept.push_back(std::move(library));
     RefusePlugin(path, changes);
   }
   return library;

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cstdint>
@@ -135,7 +136,7 @@ std::string_view PythonProcess::Ask(char kind, std::string_view body) {
   frame_.resize(sizeof length + length);
   std::memcpy(frame_.data(), &length, sizeof length);
   frame_[sizeof length] = kind;
-  std::memcpy(frame_.data() + sizeof length + 1, body.data(), body.size());
+  std::copy(body.begin(), body.end(), frame_.data() + sizeof length + 1);
   for (std::size_t at = 0; at < frame_.size();) {
     // The host's processes ignore SIGPIPE: a process that is gone is an error here.
     const ssize_t n = ::write(requests_, frame_.data() + at, frame_.size() - at);

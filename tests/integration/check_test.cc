@@ -12,10 +12,13 @@ TEST(CheckCommand, AGoodComponentKeepsEveryLawAndExitsWithZero) {
   const Workplace place;
   const ProgramResult result = place.Runner({"check", "planner/random"});
   EXPECT_EQ(result.exit_status, 0) << result.out << result.err;
-  EXPECT_NE(result.out.find("random: 16 laws kept, 0 not kept, 2 skipped"), std::string::npos)
-      << result.out;
-  // The counter of allocations is where the runner looks for it.
-  EXPECT_EQ(result.out.find("does not count allocations"), std::string::npos) << result.out;
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  // A sanitizer has to be the first library, so that nothing counts allocations.
+  const char* const counts = "random: 15 laws kept, 0 not kept, 3 skipped";
+#else
+  const char* const counts = "random: 16 laws kept, 0 not kept, 2 skipped";
+#endif
+  EXPECT_NE(result.out.find(counts), std::string::npos) << result.out;
 }
 
 TEST(CheckCommand, ABrokenLawIsNamedWithWhatWasFoundAndWhatToDo) {

@@ -79,7 +79,7 @@ TEST_F(EarlyTest, ARunIsGivenUpAfterEpisodesInARowThatDiverge) {
   const ProgramResult result = Run("always_bad", {"--set", "run.diverged_episodes=3"});
   EXPECT_EQ(result.exit_status, 72) << result.err;
   EXPECT_EQ(Value("select status from run"), "diverged");
-  EXPECT_NE(Value("select error from run").find("all of the last 3 episodes"), std::string::npos)
+  EXPECT_NE(Value("select error from run").find("so ended 3 episodes in a row"), std::string::npos)
       << Value("select error from run");
   EXPECT_EQ(Value("select count(*) from event where level = 'warning' and kind = 'divergence' and "
                   "detail like '%training%'"),

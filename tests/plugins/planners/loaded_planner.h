@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dreamsearch/plugin.h"
+#include "tests/plugins/owned.h"
 
 namespace dreamsearch {
 
@@ -114,20 +115,17 @@ class LoadedPlanner {
                 const Settings& settings = {})
       : component_(component), action_size_(model->action_size()) {
     const std::vector<ParameterValue> values = Resolve(component, settings);
+    Planner* planner = nullptr;
     const Status made = component.create_planner(
-        {{{values.data(), values.size()}}, action_size_, model->latent_bytes()}, &planner_);
+        {{{values.data(), values.size()}}, action_size_, model->latent_bytes()}, &planner);
     if (!made.ok()) throw std::runtime_error(made.message);
+    planner_.reset(planner);
     const Status begun = planner_->BeginEpisode(model);
     if (!begun.ok()) throw std::runtime_error(begun.message);
   }
-  ~LoadedPlanner() {
-    if (planner_ != nullptr) planner_->Destroy();
-  }
-  LoadedPlanner(const LoadedPlanner&) = delete;
-  LoadedPlanner& operator=(const LoadedPlanner&) = delete;
 
-  Planner* operator->() { return planner_; }
-  Planner* get() { return planner_; }
+  Planner* operator->() { return planner_.get(); }
+  Planner* get() { return planner_.get(); }
 
   Decision Plan(ConstLatents root, const PlanOptions& options = {}) {
     Decision decision;
@@ -143,13 +141,13 @@ class LoadedPlanner {
     request.seed = options.seed;
     decision.status = planner_->Plan(request, &decision.result);
     if (!decision.status.ok()) return decision;
-    auto* trees = ExtensionOf<TreeReporting>(planner_);
+    auto* trees = ExtensionOf<TreeReporting>(planner_.get());
     if (options.tree && trees != nullptr) {
       CollectTree tree;
       trees->ReportTree(&tree);
       decision.tree = std::move(tree.edges);
     }
-    auto* policies = ExtensionOf<PolicyReporting>(planner_);
+    auto* policies = ExtensionOf<PolicyReporting>(planner_.get());
     if (options.policy > 0 && policies != nullptr) {
       decision.status =
           policies->ReportPolicy({policy_actions.data(), options.policy, action_size_},
@@ -173,7 +171,7 @@ class LoadedPlanner {
  private:
   const ComponentDescriptor& component_;
   const std::uint64_t action_size_;
-  Planner* planner_ = nullptr;
+  Owned<Planner> planner_;
 };
 
 class Bytes final : public ByteSink, public ByteSource {
