@@ -77,6 +77,17 @@ class Stranger : public testing::Test {
   Workplace place_;
 };
 
+TEST_F(Stranger, NoLibraryIsLoadedFromTheCurrentFolder) {
+  // Of the names that the programs need; loading one would fail, as it is empty.
+  for (const char* library : {"libsqlite3.so.0", "libz.so.1", "libstdc++.so.6"}) {
+    std::ofstream(place_.Path(library)) << "";
+  }
+  ProgramResult result = place_.Runner({"status", "--db", "s.db"});
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  result = place_.Results({"list", "--db", "s.db"});
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+}
+
 TEST_F(Stranger, ItsFilesNameNoCodeThatIsLoaded) {
   const fs::path own = fs::path(DREAMSEARCH_FAULTY_PLUGIN_DIR);
   fs::create_directory(place_.folder() / "s.db.files/plugins");
