@@ -125,7 +125,10 @@ std::int64_t PluginId(results::Database* database, const ResolvedComponent& comp
   const PluginInfo& plugin = component.info->plugin;
   results::PluginRow row;
   row.name = plugin.name;
-  row.version = plugin.version;
+  // Whichever of the two its author raised, it is another version.
+  const ComponentInfo& made = *component.info;
+  row.version = plugin.version +
+                (made.version == plugin.version ? "" : " (" + made.name + " " + made.version + ")");
   row.abi = std::to_string(plugin.sdk_major) + "." + std::to_string(plugin.sdk_minor);
   row.file = plugin.path;
   row.sha256 = plugin.sha256;

@@ -79,13 +79,14 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
                 const std::vector<RunGroup>& groups, std::vector<Line>* lines) {
   if (lines->empty()) return;
   std::map<ExperimentKey, std::size_t> own;  // places of lines, by key with seed 0
+  std::set<ExperimentKey> in_versions;       // keys with several lines
   std::map<std::tuple<std::string, std::string, std::string>, std::size_t> planners;
   std::set<std::string> studies, models;
   for (std::size_t i = 0; i < groups.size(); ++i) {
     const RunInfo& run = groups[i].runs.front().run;
     ExperimentKey key = KeyOf(run);
     std::get<5>(key) = 0;
-    own.emplace(key, i);
+    if (!own.emplace(key, i).second) in_versions.insert(key);
     planners.emplace(std::tuple(run.study, run.planner, run.model), i);
     studies.insert(run.study);
     models.insert(run.model);
@@ -96,13 +97,11 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
       const auto line = own.find(
           {run.study, run.task, run.planner, run.model, run.config_sha256, 0, run.action_repeat});
       const std::string seed = "seed " + std::to_string(run.seed) + " is missing.";
-      if (line != own.end()) {
-        Line& lacking = (*lines)[line->second];
-        lacking.missing.push_back(lacking.task + ", " + lacking.label + ": " + seed);
-        continue;
-      }
-      const std::string label = run.planner + (run.settings.empty() ? "" : " ") + run.settings;
-      lines->front().missing.push_back(run.task + ", " + label + ": " + seed);
+      Line& place = line == own.end() ? lines->front() : (*lines)[line->second];
+      const bool one = line != own.end() && in_versions.count(line->first) == 0;
+      const std::string label =
+          one ? place.label : run.planner + (run.settings.empty() ? "" : " ") + run.settings;
+      place.missing.push_back(run.task + ", " + label + ": " + seed);
       continue;
     }
     std::string label = run.planner;

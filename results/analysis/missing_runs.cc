@@ -35,7 +35,7 @@ std::vector<MissingRun> MissingRuns(const std::vector<std::unique_ptr<Database>>
   const std::vector<GroupedRun> runs = TrainedRuns(databases, {.studies = filter.studies});
   std::vector<const RunInfo*> pointers;
   for (const GroupedRun& item : runs) pointers.push_back(&item.run);
-  const std::vector<std::string> labels = SettingLabels(pointers);
+  const std::vector<std::string> labels = SettingLabels(pointers, Apart::kSettings);
 
   std::map<std::string, Study> studies;
   for (std::size_t i = 0; i < runs.size(); ++i) {

@@ -19,7 +19,9 @@ struct MissingRun {
   // Of the line that lacks the seed; empty where planner and model have no run on the task.
   std::string config_sha256;
   std::int64_t action_repeat = 0;
-  std::string settings;  // SettingLabels, and the action repeat where a planner's differ
+  // SettingLabels, without versions: whichever made a seed, it is there. And the action repeat
+  // where a planner's differ.
+  std::string settings;
   std::int64_t seed = 0;
 };
 

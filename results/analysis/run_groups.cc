@@ -66,6 +66,10 @@ bool IsEvaluation(const RunInfo& run) {
   return run.parent_run_id.has_value() || run.env_steps_target <= 0;
 }
 
+using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluation
+
+Kind KindOf(const RunInfo& run) { return {run.planner, IsEvaluation(run)}; }
+
 using Settings = std::map<std::string, nlohmann::json>;  // flat, by the configuration's digest
 
 // The settings in which some of these configurations differ.
@@ -94,15 +98,69 @@ std::string SettingLabel(const nlohmann::json& settings, const std::set<std::str
   return label;
 }
 
+enum class Loaded { kVersion, kBuild };
+
+// Adds what runs were loaded from, where runs of the planner differ in it: versions of its plugin
+// or of a model's, on whatever task, and of a task's; or builds of one version of a plugin.
+void AddLoaded(const std::vector<const RunInfo*>& runs, Loaded what,
+               std::vector<std::string>* labels) {
+  constexpr const char* kComponents[] = {"environment", "model", "planner"};
+  constexpr std::size_t kDigits = 8;  // of a digest that are shown
+  const auto value = [what](const LoadedPlugin& plugin) {
+    return what == Loaded::kVersion ? plugin.version : plugin.sha256;
+  };
+  using Component = std::pair<Kind, std::size_t>;
+  std::map<std::tuple<Component, std::string, std::string>, std::set<std::string>> values;
+  for (const RunInfo* run : runs) {
+    for (std::size_t i = 0; i < run->loaded.size(); ++i) {
+      const LoadedPlugin& plugin = run->loaded[i];
+      const Component component(KindOf(*run), i);
+      // Models have other plugins because they are other models; tasks likewise.
+      const std::string names[] = {run->task, run->model, run->planner};
+      values[what == Loaded::kVersion ? std::tuple(component, names[i], std::string())
+                                      : std::tuple(component, plugin.name, plugin.version)]
+          .insert(value(plugin));
+    }
+  }
+  std::set<Component> differ;
+  for (const auto& [among, found] : values) {
+    if (found.size() > 1) differ.insert(std::get<0>(among));
+  }
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (std::size_t i = 0; i < runs[r]->loaded.size(); ++i) {
+      const std::string text = value(runs[r]->loaded[i]);
+      if (text.empty() || differ.count({KindOf(*runs[r]), i}) == 0) continue;
+      std::string& label = (*labels)[r];
+      label += (label.empty() ? "" : " ") + std::string(kComponents[i]) +
+               (what == Loaded::kVersion ? ".version=" + JsonText(text)
+                                         : ".build=" + JsonText(text.substr(0, kDigits)));
+    }
+  }
+}
+
+// For each label of these runs, the most builds that it has of one version of a plugin.
+std::map<std::string, std::size_t> BuildsOf(const std::vector<GroupedRun>& runs,
+                                            const std::vector<std::string>& labels) {
+  std::map<std::tuple<std::string, std::string, std::string>, std::set<std::string>> digests;
+  std::map<std::string, std::size_t> most;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    for (const LoadedPlugin& plugin : runs[r].run.loaded) {
+      std::set<std::string>& found = digests[{labels[r], plugin.name, plugin.version}];
+      found.insert(plugin.sha256);
+      most[labels[r]] = std::max(most[labels[r]], found.size());
+    }
+  }
+  return most;
+}
+
 }  // namespace
 
-std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) {
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, Apart apart) {
   // Configurations are told apart by content, so that databases agree on them.
-  using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluation
   std::map<Kind, std::map<std::string, std::set<std::string>>> kinds;  // configurations by task
   Settings settings;
   for (const RunInfo* run : runs) {
-    kinds[{run->planner, IsEvaluation(*run)}][run->task].insert(run->config_sha256);
+    kinds[KindOf(*run)][run->task].insert(run->config_sha256);
     nlohmann::json& flat = settings[run->config_sha256];
     if (!flat.is_null()) continue;
     const nlohmann::json parsed = ParseJsonOrDiscard(run->config_json);
@@ -133,8 +191,10 @@ std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs) 
   }
   std::vector<std::string> texts;
   for (const RunInfo* run : runs) {
-    texts.push_back(labels[{run->planner, IsEvaluation(*run)}][run->config_sha256]);
+    texts.push_back(labels[KindOf(*run)][run->config_sha256]);
   }
+  if (apart != Apart::kSettings) AddLoaded(runs, Loaded::kVersion, &texts);
+  if (apart == Apart::kBuilds) AddLoaded(runs, Loaded::kBuild, &texts);
   return texts;
 }
 
@@ -248,7 +308,19 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
   }
   std::vector<const RunInfo*> runs;
   for (const GroupedRun& item : all) runs.push_back(&item.run);
-  const std::vector<std::string> settings = SettingLabels(runs);
+  const std::vector<std::string> settings = SettingLabels(runs, Apart::kVersions);
+  std::vector<std::string> labels;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const RunInfo& run = all[i].run;
+    std::string& label = labels.emplace_back(run.planner);
+    if (models.size() > 1) label += " on " + run.model;
+    if (repeats_differ.count(run.planner) > 0) {
+      label += " repeat=" + std::to_string(run.action_repeat);
+    }
+    if (!settings[i].empty()) label += " " + settings[i];
+    if (studies.size() > 1) label += " (" + run.study + ")";
+  }
+  const std::map<std::string, std::size_t> builds = BuildsOf(all, labels);
 
   const std::map<std::string, std::size_t> ranks = PlannerRanks(databases);
   std::map<std::tuple<std::string, std::size_t, std::string>, RunGroup> groups;
@@ -258,14 +330,9 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
     Connection& db = item.database->connection();
     item.phase = PhaseOf(db, run.run_id, phase);
 
-    std::string label = run.planner;
-    if (models.size() > 1) label += " on " + run.model;
-    if (repeats_differ.count(run.planner) > 0) {
-      label += " repeat=" + std::to_string(run.action_repeat);
-    }
-    if (!settings[i].empty()) label += " " + settings[i];
-    if (studies.size() > 1) label += " (" + run.study + ")";
-
+    const std::size_t count = builds.at(labels[i]);
+    const std::string label =
+        labels[i] + (count > 1 ? " (" + std::to_string(count) + " builds)" : "");
     const std::size_t rank = ranks.at(run.planner);
     RunGroup& group = groups[{run.task, rank, label}];
     if (group.runs.empty()) {

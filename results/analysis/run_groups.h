@@ -27,14 +27,16 @@ struct GroupedRun {
 std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,
                                     const RunFilter& filter);
 
-// Runs of one task that have everything in common but the seed.
+// Runs of one task that have everything in common but the seed, and but the builds of equal
+// versions of plugins.
 struct RunGroup {
   std::string task;
   std::string planner;
   std::size_t planner_rank = 0;  // its place in the order in which planners are listed
-  // "mcts_pw", with the model and study where others have other ones, and with the
-  // action repeat and the settings in which runs of the planner differ on some task.
-  // Equal over tasks for equal experiments.
+  // "mcts_pw", with the model and study where others have other ones, and with the action repeat,
+  // the settings and the versions in which runs of the planner differ on some task. "(2 builds)"
+  // if its runs, of all tasks, have so many builds of one version of a plugin. Equal over tasks for
+  // equal experiments.
   std::string label;
   std::optional<double> return_low, return_high;
   std::vector<GroupedRun> runs;  // by seed
@@ -47,10 +49,15 @@ std::vector<RunGroup> GroupRuns(const std::vector<std::unique_ptr<Database>>& da
 // The labels of the groups, each once, in the order of the planners.
 std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups);
 
-// What tells runs of a planner apart, for each of these runs: "k=5 depth=3", the
-// settings in which the planner's runs differ on some task and which this run has.
-// Empty where none do. Evaluations are told from each other, not from trained runs.
-std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs);
+// Up to what runs are told apart: settings; versions of their plugins too, as lines are; or also
+// builds of one version, files with other digests.
+enum class Apart { kSettings, kVersions, kBuilds };
+
+// What tells runs of a planner apart, for each of these runs: "k=5 model.version="2.0.0"", the
+// settings in which the planner's runs differ on some task and which this run has, then its
+// versions and builds where others have others of the same component. Empty where none do.
+// Evaluations are told from each other, not from trained runs.
+std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, Apart apart);
 
 // A label with the settings' own names alone, for where there is little room:
 // "model.parameters.norm=none" as "norm=none", unless two would end alike.

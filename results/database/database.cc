@@ -501,20 +501,20 @@ void Database::Migrate() {
              "; PRAGMA application_id = " + std::to_string(kApplicationId));
 }
 
-std::string Database::NewRunFolder(const std::string& uuid) const {
+std::string Database::NewRunFolder(const std::string& path, const std::string& uuid) {
   if (!IsUuid(uuid)) {
     throw Failure(ExitCode::kBadInput,
-                  path() + ": a run has the UUID '" + Printable(uuid.substr(0, 80)) +
+                  path + ": a run has the UUID '" + Printable(uuid.substr(0, 80)) +
                       "', which is none, and so no folder: the database was damaged or changed. "
                       "Restore a copy.");
   }
-  return path() + ".files/" + uuid;
+  return path + ".files/" + uuid;
 }
 
-std::string Database::RunFolder(const RunInfo& run) const {
+std::string Database::RunFolderAt(const std::string& path, const RunInfo& run) {
   const std::filesystem::path recorded =
-      (std::filesystem::path(path()).parent_path() / run.log_path).lexically_normal().parent_path();
-  const std::string beside = NewRunFolder(run.uuid);
+      (std::filesystem::path(path).parent_path() / run.log_path).lexically_normal().parent_path();
+  const std::string beside = NewRunFolder(path, run.uuid);
   // A database that was copied or renamed with its files keeps to them. A path is data:
   // it names no folder but the run's own.
   const bool own = std::filesystem::exists(beside) || recorded.filename() != run.uuid;

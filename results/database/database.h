@@ -14,6 +14,7 @@
 // Text     names and paths are data and may hold anything but NUL.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -136,6 +137,11 @@ struct CreatedRun {
   bool created = false;  // false: another process had made this run already
 };
 
+// The plugin that a component of a run was loaded from; empty texts where it is not known.
+struct LoadedPlugin {
+  std::string name, version, sha256;
+};
+
 // A run as it stands, with the names behind its ids.
 struct RunInfo {
   std::int64_t run_id = 0;
@@ -163,11 +169,12 @@ struct RunInfo {
   std::string argv;
   std::int64_t build_id = 0;
   std::string created_utc;
-  std::string ended_utc;             // empty while it has not ended
-  std::string heartbeat_utc;         // empty before the first
-  double heartbeat_age_seconds = 0;  // by this machine's clock; infinite before the first
-  std::string result_digest;         // empty until it has finished
-  std::int64_t last_segment = -1;    // -1: nobody has worked on it yet
+  std::string ended_utc;               // empty while it has not ended
+  std::string heartbeat_utc;           // empty before the first
+  double heartbeat_age_seconds = 0;    // by this machine's clock; infinite before the first
+  std::string result_digest;           // empty until it has finished
+  std::int64_t last_segment = -1;      // -1: nobody has worked on it yet
+  std::array<LoadedPlugin, 3> loaded;  // of environment, model and planner
 };
 
 // Whose end a status is.
@@ -225,14 +232,16 @@ class Database {
   // Checkpoints, logs and dumps of a run: "<path>.files/<uuid>", or if that is not there
   // the folder of its log, which of a merged run is where its source had it. Not created
   // here.
-  std::string RunFolder(const RunInfo& run) const;
+  std::string RunFolder(const RunInfo& run) const { return RunFolderAt(path(), run); }
+  // The same of a database at another path, which may be none yet.
+  static std::string RunFolderAt(const std::string& path, const RunInfo& run);
   // Tables, indices, triggers and views that this program makes and that this file has otherwise or
   // lacks, and triggers that it has besides: "table step". Of a file of the newest schema.
   std::vector<std::string> ChangedSchema();
   // Who worked on it last: "process 4711 of node7". "another process" if none has.
   std::string LastWorker(std::int64_t run_id);
   // "<path>.files/<uuid>", whatever is there.
-  std::string OwnFolder(const RunInfo& run) const { return NewRunFolder(run.uuid); }
+  std::string OwnFolder(const RunInfo& run) const { return NewRunFolder(path(), run.uuid); }
   // A path below the database's folder as it is stored; others stay as they are.
   std::string RelativePath(const std::string& path) const;
 
@@ -290,7 +299,7 @@ class Database {
 
  private:
   Database(const std::string& path, OpenMode mode);
-  std::string NewRunFolder(const std::string& uuid) const;
+  static std::string NewRunFolder(const std::string& path, const std::string& uuid);
   void LeaveWriteAhead(OpenMode mode, OpenMode opened);
   void Prepare(OpenMode mode);
   std::optional<std::int64_t> SchemaOfTables();

@@ -26,9 +26,13 @@ constexpr char kSelectRun[] =
     " r.env_steps_target, r.env_steps_done, r.status, r.parent_run_id, r.log_path, r.exit_code,"
     " r.error, r.argv, r.build_id, r.created_utc, r.ended_utc, r.heartbeat_utc, r.result_digest,"
     " (julianday('now') - julianday(r.heartbeat_utc)) * 86400.0,"
-    " (SELECT ifnull(max(segment), -1) FROM segment WHERE run_id = r.run_id)"
+    " (SELECT ifnull(max(segment), -1) FROM segment WHERE run_id = r.run_id),"
+    " pe.name, pe.version, pe.sha256, pm.name, pm.version, pm.sha256, pp.name, pp.version, "
+    "pp.sha256"
     " FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)"
-    " JOIN config c USING (config_id) ";
+    " JOIN config c USING (config_id) LEFT JOIN plugin pe ON pe.plugin_id = r.env_plugin"
+    " LEFT JOIN plugin pm ON pm.plugin_id = r.model_plugin"
+    " LEFT JOIN plugin pp ON pp.plugin_id = r.planner_plugin ";
 
 RunInfo ReadRun(const Statement& row) {
   RunInfo run;
@@ -63,6 +67,11 @@ RunInfo ReadRun(const Statement& row) {
   run.result_digest = row.Text(i++);
   run.heartbeat_age_seconds = row.IsNull(i) ? std::numeric_limits<double>::infinity() : row.Real(i);
   run.last_segment = row.Int(++i);
+  for (LoadedPlugin& plugin : run.loaded) {
+    plugin.name = row.Text(++i);
+    plugin.version = row.Text(++i);
+    plugin.sha256 = row.Text(++i);
+  }
   return run;
 }
 
@@ -153,7 +162,7 @@ CreatedRun Database::CreateRun(const NewRun& run) {
         .Bind(uuid, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id,
-              RelativePath(NewRunFolder(uuid) + "/" + run.log_name), run.argv, run.build_id,
+              RelativePath(NewRunFolder(path(), uuid) + "/" + run.log_name), run.argv, run.build_id,
               UtcNow())
         .Run();
     result = {connection_->LastInsertId(), uuid, true};
@@ -230,7 +239,7 @@ void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
         .Bind(run_id, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id, run.argv, run.build_id,
-              RelativePath(NewRunFolder(uuid) + "/" + run.log_name))
+              RelativePath(NewRunFolder(path(), uuid) + "/" + run.log_name))
         .Run();
   });
 }

@@ -79,7 +79,8 @@ struct List {
             .examples = {"results list --study first --status failed,crashed"},
             .about =
                 "The column `settings` shows the settings in which a planner's runs of a task "
-                "differ.",
+                "differ, the versions of their plugins where those differ, and the first digits of "
+                "the digests of a plugin that was built again under one version.",
             .groups = {std::move(which),
                        {"How",
                         {FormFlag(&form),
@@ -114,7 +115,7 @@ int List::Run() {
       const std::vector<RunInfo> runs = database->ListRuns(filter);
       std::vector<const RunInfo*> pointers;
       for (const RunInfo& run : runs) pointers.push_back(&run);
-      const std::vector<std::string> settings = SettingLabels(pointers);
+      const std::vector<std::string> settings = SettingLabels(pointers, Apart::kBuilds);
       for (std::size_t i = 0; i < runs.size(); ++i) {
         const RunInfo& run = runs[i];
         std::string note = run.error;

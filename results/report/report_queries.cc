@@ -37,18 +37,18 @@ std::vector<std::string> SqlTexts(const std::vector<std::string>& texts) {
   return sql;
 }
 
-// A run's line: its planner, or, where one planner has several, by the run.
+// A run's line: its planner, or, where lines have longer names, by the run.
 std::string LineOfRun(const std::vector<Line>& lines) {
   std::map<std::string, std::vector<std::string>> uuids;  // by label
-  std::set<std::string> planners;
+  bool plain = true;
   for (const Line& line : lines) {
     if (line.published) continue;
-    planners.insert(line.planner);
+    plain = plain && line.label == line.planner;
     for (const RunCurve& run : line.runs) {
       uuids[line.label].push_back(SqlText(run.uuid.substr(0, 8)));
     }
   }
-  if (uuids.size() == planners.size()) return "run.planner";
+  if (plain) return "run.planner";
   std::string sql = "CASE";
   for (const auto& [label, list] : uuids) {
     sql += "\n      WHEN substr(run.uuid, 1, 8) IN (" + Joined(list) + ")\n      THEN " +

@@ -4,7 +4,9 @@
 
 #include <cmath>
 
+#include "results/analysis/comparison.h"
 #include "results/analysis/line_statistics.h"
+#include "results/analysis/time_use.h"
 #include "results/figures/curve_figure.h"
 #include "tests/results/analysis/curves_fixture.h"
 
@@ -103,6 +105,66 @@ TEST_F(CurvesTest, ASettingThatOneRunLacksNamesTheOther) {
   EXPECT_EQ(labels[1], "mcts_pw b=2");
   EXPECT_EQ(labels[2].substr(0, 15), "rollout config ");
   EXPECT_EQ(labels[3].substr(0, 15), "rollout config ");
+}
+
+TEST_F(CurvesTest, OtherVersionsOfAPluginAreOtherLinesAndOtherContenders) {
+  AddRun({.seed = 0, .planner_version = "1.0.0"}, {{kSearch, 95000, 100}});
+  AddRun({.seed = 1, .planner_version = "1.0.0"}, {{kSearch, 95000, 100}});
+  AddRun({.seed = 2, .planner_version = "2.0.0"}, {{kSearch, 95000, 300}});
+  const std::vector<Line> lines = ReadLines(databases_, {});
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0].label, "mcts_pw planner.version=\"1.0.0\"");
+  EXPECT_EQ(lines[0].n(), 2);
+  EXPECT_EQ(Points(lines[0])[0].mean, 100);
+  EXPECT_EQ(lines[1].label, "mcts_pw planner.version=\"2.0.0\"");
+  EXPECT_EQ(Points(lines[1])[0].mean, 300);
+  const Comparison comparison = Compare(databases_, {});
+  ASSERT_EQ(comparison.contenders.size(), 2u);
+  EXPECT_EQ(comparison.contenders[1].label, lines[1].label);
+  EXPECT_EQ(comparison.contenders[1].scores, (Scores{{0.3}}));
+  const std::vector<TimeUse> uses = ReadTimeUse(databases_, {});
+  ASSERT_EQ(uses.size(), 2u);
+  EXPECT_EQ(uses[0].label, lines[0].label);
+}
+
+// Or a mean over tasks would be of one version on this task and of another on that.
+TEST_F(CurvesTest, AVersionUsedOnOneTaskOnlyNamesTheRunsOfAllTasks) {
+  AddRun({.task = "walker_walk", .planner_version = "1.0.0"}, {{kSearch, 0, 1}});
+  AddRun({.task = "cup_catch", .planner_version = "2.0.0"}, {{kSearch, 0, 1}});
+  EXPECT_EQ(OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation)).size(), 2u);
+}
+
+TEST_F(CurvesTest, ASeedThatAnotherVersionHasIsNotMissing) {
+  AddRun({.seed = 0, .planner_version = "1.0.0"}, {{kSearch, 0, 1}});
+  AddRun({.seed = 1, .planner_version = "2.0.0"}, {{kSearch, 0, 1}});
+  AddRun({.planner = "rollout", .seed = 2}, {{kSearch, 0, 1}});
+  EXPECT_EQ(MissingOrUnfinished(ReadLines(databases_, {.filter = {.planners = {"mcts_pw"}}})),
+            (std::vector<std::string>{"walker_walk, mcts_pw: seed 2 is missing."}));
+}
+
+TEST_F(CurvesTest, BuildsOfOneVersionAreOneLineThatSaysHowMany) {
+  AddRun({.seed = 0, .planner_version = "1.0.0", .planner_sha256 = "1111111111"},
+         {{kSearch, 0, 100}});
+  AddRun({.seed = 1, .planner_version = "1.0.0", .planner_sha256 = "2222222222"},
+         {{kSearch, 0, 300}});
+  // Of one build itself, but of the same line as the others.
+  AddRun({.task = "cup_catch", .planner_version = "1.0.0", .planner_sha256 = "1111111111"},
+         {{kSearch, 0, 1}});
+  AddRun({.planner = "rollout", .planner_version = "1.0.0", .planner_sha256 = "3333333333"},
+         {{kSearch, 0, 1}});
+  EXPECT_EQ(OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation)),
+            (std::vector<std::string>{"mcts_pw (2 builds)", "rollout"}));
+  const std::vector<Line> lines = ReadLines(databases_, {.filter = {.tasks = {"walker_walk"}}});
+  ASSERT_EQ(lines[0].label, "mcts_pw (2 builds)");
+  EXPECT_EQ(Points(lines[0])[0].mean, 200);
+
+  std::vector<const RunInfo*> runs;
+  const std::vector<RunInfo> all = databases_[0]->ListRuns();
+  for (const RunInfo& run : all) runs.push_back(&run);
+  EXPECT_EQ(SettingLabels(runs, Apart::kBuilds),
+            (std::vector<std::string>{"planner.build=\"11111111\"", "planner.build=\"22222222\"",
+                                      "planner.build=\"11111111\"", ""}));
+  EXPECT_EQ(SettingLabels(runs, Apart::kVersions), (std::vector<std::string>(4)));
 }
 
 TEST_F(CurvesTest, EvaluationsAloneAreSaidToBeThere) {

@@ -22,6 +22,8 @@ struct RunSettings {
   std::int64_t seed = 0;
   std::int64_t env_steps_target = 100000;
   std::optional<std::int64_t> parent_run_id;
+  std::string planner_version;  // of its plugin; empty: not recorded
+  std::string planner_sha256 = "11";
 };
 
 inline NewRun MakeNewRun(Database* db, const RunSettings& settings = {}) {
@@ -39,6 +41,10 @@ inline NewRun MakeNewRun(Database* db, const RunSettings& settings = {}) {
   run.planner = settings.planner;
   run.model = "dreamer";
   run.env_plugin = db->Plugin({"env_dmc", "0.1.0", "1.0", "/plugins/env_dmc.so", "ab"});
+  if (!settings.planner_version.empty()) {
+    run.planner_plugin = db->Plugin(
+        {"planners", settings.planner_version, "1.0", "/plugins/p.so", settings.planner_sha256});
+  }
   run.config_id = db->Config(settings.config);
   run.preset = "fast";
   run.seed = settings.seed;

@@ -304,6 +304,17 @@ TEST_F(ReportTest, EachQueryGivesTheNumbersOfItsFigure) {
   EXPECT_EQ(answer(4).size(), 18u);
 }
 
+TEST_F(ReportTest, AQueryNamesALineAsThePageDoesThoughEachPlannerHasOnlyOne) {
+  for (const char* sha256 : {"11", "22"}) {
+    AddRun({.seed = sha256[0] - '1', .planner_version = "1.0.0", .planner_sha256 = sha256},
+           {{kSearch, 0, 1}});
+  }
+  const std::vector<std::string> queries = Queries(ReportPage(databases_, {}));
+  const Table answer = RunQuery(databases_[0].get(), queries.at(0));
+  ASSERT_EQ(answer.rows.size(), 1u);
+  EXPECT_EQ(answer.rows[0][1], Cell(std::string("mcts_pw (2 builds)")));
+}
+
 TEST_F(ReportTest, TheQueryOfALongBudgetIsOfBins) {
   AddRun({.env_steps_target = 200000}, {{kSearch, 10000, 1}, {kSearch, 10001, 2}});
   const std::vector<std::string> queries = Queries(ReportPage(databases_, {}));
