@@ -13,6 +13,7 @@
 #include "host/sweeps/probe.h"
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
+#include "host/sweeps/working_database.h"
 #include "results/system/error.h"
 #include "results/text/table.h"
 #include "results/text/text.h"
@@ -90,13 +91,15 @@ struct Eval {
 int Eval::Run(const Words& words) {
   CompleteEvaluation(&evaluation);
   const RunOptions& options = evaluation.choice;
-  const std::string db = options.process.db.string();
+  ProgressDisplay progress;
+  WorkingDatabase working(options.process, /*exists=*/!evaluation.run.empty(), &progress);
   std::unique_ptr<results::Database> database;
   std::vector<RunSpec> specs;
   std::string trained_name;
   std::map<std::string, std::string> ingredients;  // of the trained run
   if (!evaluation.run.empty()) {
-    database = results::Database::OpenExisting(db);
+    database = results::Database::OpenExisting(working.path());
+    working.TakeToRead(evaluation.run);
     const TrainedRun trained =
         FindTrainedRun(database.get(), evaluation.run, options.process.plugin_path);
     for (const std::string& warning : trained.warnings) {
@@ -120,7 +123,7 @@ int Eval::Run(const Words& words) {
     std::cerr << "warning: " << trained_name << " was trained in another world: " << changed
               << "\n";
   }
-  if (database == nullptr) database = results::Database::OpenOrCreate(db);
+  if (database == nullptr) database = results::Database::OpenOrCreate(working.path());
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
   }
@@ -139,10 +142,12 @@ int Eval::Run(const Words& words) {
   std::vector<SweepJob> jobs = RecordSweep(database.get(), options.process, planned, tasks, argv);
   for (SweepJob& job : jobs) job.memory_bytes = figures.memory_bytes;
   std::cerr << Counted(specs.size(), "evaluation") << ": " << jobs.size() << " to play, "
-            << finished << " finished before; database " << database->path() << std::endl;
-  ProgressDisplay progress;
-  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
+            << finished << " finished before; database " << working.Name() << std::endl;
+  const SweepResult result =
+      RunSweep(database.get(), options.process, std::move(jobs), working.observer());
   PrintTable(database.get(), specs);
+  database.reset();
+  working.Finish();
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted) ||
       std::find(result.statuses.begin(), result.statuses.end(), results::RunStatus::kInterrupted) !=
           result.statuses.end()) {

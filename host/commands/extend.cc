@@ -9,6 +9,7 @@
 #include "host/sweeps/probe.h"
 #include "host/sweeps/run_file.h"
 #include "host/sweeps/sweep.h"
+#include "host/sweeps/working_database.h"
 #include "host/training/resumption.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
@@ -51,14 +52,17 @@ struct Extend {
                         {{"steps", "N", Parsed(&steps, ParseSteps).Required(),
                           "environment steps of the longer run, before action repeat, those of the "
                           "finished one included"}}},
-                       LimitFlags(&options),
+                       WorkFlags(&options),
                        {"What to record", RecordingFlags(&options)}}};
   }
   int Run(const Words& words);
 };
 
 int Extend::Run(const Words& words) {
-  const auto database = results::Database::OpenExisting(options.db.string());
+  ProgressDisplay progress;
+  WorkingDatabase working(options, /*exists=*/true, &progress);
+  auto database = results::Database::OpenExisting(working.path());
+  working.TakeToRead(what);
   const results::RunInfo run = database->GetRun(what);
   const RunSpec spec = TrustedSpec(database.get(), run, options.plugin_path);
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
@@ -103,8 +107,11 @@ int Extend::Run(const Words& words) {
     WriteRunFile(work);
     TakeOver(database.get(), run, spec, *checkpoint, *database->GetRun(work.run_id), longer_spec);
   }
-  ProgressDisplay progress;
-  return RunSweep(database.get(), options, std::move(jobs), &progress).exit_status;
+  const int status =
+      RunSweep(database.get(), options, std::move(jobs), working.observer()).exit_status;
+  database.reset();
+  working.Finish();
+  return status;
 }
 
 }  // namespace

@@ -6,7 +6,9 @@
 #include "host/commands/progress.h"
 #include "host/flags/flags.h"
 #include "host/processes/supervisor.h"
+#include "host/sweeps/probe.h"
 #include "host/sweeps/sweep.h"
+#include "host/sweeps/working_database.h"
 #include "results/database/database.h"
 #include "results/system/error.h"
 #include "results/system/run_lock.h"
@@ -36,7 +38,7 @@ struct Resume {
             .arguments = {{"", "RUN|STUDY|all", Text(&what),
                            "a run's number or the beginning of its UUID, from `runner status`; a "
                            "study; or all"}},
-            .groups = {LimitFlags(&options),
+            .groups = {WorkFlags(&options),
                        {"Runs that exist", std::move(runs)},
                        {"What to record", RecordingFlags(&options)}}};
   }
@@ -44,7 +46,9 @@ struct Resume {
 };
 
 int Resume::Run() {
-  const auto database = results::Database::OpenExisting(options.db.string());
+  ProgressDisplay progress;
+  WorkingDatabase working(options, /*exists=*/true, &progress);
+  auto database = results::Database::OpenExisting(working.path());
   std::vector<results::RunInfo> runs = database->ListRuns();
   bool one = false;  // named by itself
   if (what != "all") {
@@ -58,8 +62,9 @@ int Resume::Run() {
     }
   }
   std::vector<SweepJob> jobs;
-  int found = 0;    // by a dry run
-  int refused = 0;  // exit status of the first run that was
+  std::vector<RunSpec> specs;  // of the jobs
+  int found = 0;               // by a dry run
+  int refused = 0;             // exit status of the first run that was
   for (const results::RunInfo& run : runs) {
     const bool failed = results::HasFailed(run.status);
     if (run.status == results::RunStatus::kFinished || (failed && !options.retry)) continue;
@@ -88,6 +93,7 @@ int Resume::Run() {
       continue;
     }
     job.work.force = force;
+    specs.push_back(job.work.spec);
     jobs.push_back(std::move(job));
   }
   if (found > 0) {
@@ -96,11 +102,15 @@ int Resume::Run() {
   }
   if (jobs.empty()) {
     std::cerr << (refused == 0 ? "nothing to resume in " : "nothing else to resume in ")
-              << database->path() << "\n";
+              << working.Name() << "\n";
     return refused;
   }
-  ProgressDisplay progress;
-  const int status = RunSweep(database.get(), options, std::move(jobs), &progress).exit_status;
+  const std::uint64_t memory = MemoryOfRuns(specs, {}, options);
+  for (SweepJob& job : jobs) job.memory_bytes = memory;
+  const int status =
+      RunSweep(database.get(), options, std::move(jobs), working.observer()).exit_status;
+  database.reset();
+  working.Finish();
   const bool stopped = status == static_cast<int>(ExitCode::kInterrupted);
   return refused != 0 && !stopped ? refused : status;
 }

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
-#include <optional>
 #include <set>
 #include <thread>
 
@@ -16,10 +15,9 @@
 #include "host/settings/memory.h"
 #include "host/settings/settings.h"
 #include "host/sweeps/probe.h"
-#include "host/sweeps/scratch.h"
 #include "host/sweeps/sweep.h"
+#include "host/sweeps/working_database.h"
 #include "results/system/error.h"
-#include "results/system/file.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -210,21 +208,6 @@ std::string ProgramPath(const char* name) {
   return ShellWord((relative.has_parent_path() ? "" : "./") + relative.string());
 }
 
-// Draws, and puts the copy back from time to time.
-class ScratchObserver : public SweepObserver {
- public:
-  explicit ScratchObserver(Scratch* scratch) : scratch_(scratch) {}
-  void Show(const std::map<std::size_t, ActiveLine>& lines, const std::string& summary) override {
-    display_.Show(lines, summary);
-    if (scratch_ != nullptr) scratch_->PutBackIfDue();
-  }
-  void Say(const std::string& message) override { display_.Say(message); }
-
- private:
-  ProgressDisplay display_;
-  Scratch* scratch_;
-};
-
 struct Train {
   RunOptions options;
 
@@ -248,11 +231,9 @@ int Train::Run(const Words& words) {
 
   const SweepFigures figures = ProbeSweep(&specs, options.process);
   for (const std::string& notice : figures.notices) SayNotice(notice);
-  std::optional<Scratch> scratch;
-  if (!options.process.scratch.empty())
-    scratch.emplace(options.process.db, options.process.scratch);
-  auto database =
-      results::Database::OpenOrCreate(scratch ? scratch->database() : options.process.db.string());
+  ProgressDisplay progress;
+  WorkingDatabase working(options.process, /*exists=*/false, &progress);
+  auto database = results::Database::OpenOrCreate(working.path());
   for (const std::string& warning : database->warnings()) {
     std::cerr << "warning: " << warning << "\n";
   }
@@ -265,10 +246,7 @@ int Train::Run(const Words& words) {
     std::cerr << " " << count << " to " << SweepActionText(action)
               << (action == counts.rbegin()->first ? "" : ",");
   }
-  std::cerr << "; database "
-            << (scratch ? AbsolutePath(options.process.db.string()) : database->path());
-  if (scratch) std::cerr << ", for now in " << database->path();
-  std::cerr << std::endl;
+  std::cerr << "; database " << working.Name() << std::endl;
 
   std::vector<std::string> argv = {"runner"};
   argv.insert(argv.end(), words.begin(), words.end());
@@ -276,14 +254,12 @@ int Train::Run(const Words& words) {
       RecordSweep(database.get(), options.process, planned, figures.tasks, argv);
   for (SweepJob& job : jobs) job.memory_bytes = figures.memory_bytes;
   const std::size_t work = jobs.size();
-  ScratchObserver progress(scratch ? &*scratch : nullptr);
-  const SweepResult result = RunSweep(database.get(), options.process, std::move(jobs), &progress);
+  const SweepResult result =
+      RunSweep(database.get(), options.process, std::move(jobs), working.observer());
 
   const int exit_status = SweepStatus(planned, result);
-  if (scratch) {
-    database.reset();
-    scratch->Finish();
-  }
+  database.reset();
+  working.Finish();
 
   std::map<results::RunStatus, int> ended;
   for (const results::RunStatus status : result.statuses) ++ended[status];

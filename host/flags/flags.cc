@@ -156,11 +156,14 @@ FlagGroup LimitFlags(ProcessOptions* process) {
             "times the number of decisions that it makes at once; 0: never"}}};
 }
 
-Flag ScratchFlag(ProcessOptions* process) {
+FlagGroup WorkFlags(ProcessOptions* process) {
   const auto path = [](const std::string& text) { return std::filesystem::path(text); };
-  return {"scratch", "DIR", Parsed(&process->scratch, path),
-          "keep the database in this folder of this machine while runs are active, and put it back "
-          "whole every 10 minutes and at the end; for shared file systems"};
+  FlagGroup group = LimitFlags(process);
+  group.flags.push_back(
+      {"scratch", "DIR", Parsed(&process->scratch, path),
+       "keep the database in this folder of this machine while runs are active, and put it back "
+       "whole every 10 minutes and at the end; for shared file systems"});
+  return group;
 }
 
 Flag RetryFlag(ProcessOptions* process) {

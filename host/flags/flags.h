@@ -41,8 +41,8 @@ FlagValue StudyName(std::string* study);
 Flag DatabaseFlag(ProcessOptions* process);
 // --db, --plugin-path, --jobs and what a run may use.
 FlagGroup LimitFlags(ProcessOptions* process);
-// For a command whose runs need no files of other runs.
-Flag ScratchFlag(ProcessOptions* process);
+// The same and --scratch, for commands that write to that database (working_database.h).
+FlagGroup WorkFlags(ProcessOptions* process);
 // What to do with runs that were there before.
 Flag RetryFlag(ProcessOptions* process);
 Flag ReplaceFlag(ProcessOptions* process);

@@ -67,8 +67,7 @@ CommandSpec RunFlags(RunOptions* options) {
               "value "
               "is the rest of the line up to a #, without quotes; a relative path in a setting "
               "begins in this file's folder"}}},
-           {"Where and within which limits",
-            Joined(LimitFlags(process).flags, {ScratchFlag(process)})},
+           WorkFlags(process),
            EarlierRuns({RetryFlag(process), ReplaceFlag(process)}),
            {"What to record", Joined(RecordingFlags(process), {DryRunFlag(process)})}},
       .exclusive = {{"seeds", "seed-list"}}};
@@ -127,7 +126,7 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
             {{"preset", "NAME", Text(&options->preset).Default("the run's; fast without RUN"),
               "preset of planners and models that the run did not train with"},
              SetFlag(&options->settings)}},
-           LimitFlags(process),
+           WorkFlags(process),
            EarlierRuns({RetryFlag(process), ReplaceFlag(process)})},
       .exclusive = {{"seeds", "seed-list"}}};
 }

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <iostream>
+#include <map>
 #include <system_error>
 
 #include "host/acting/activity_clock.h"
+#include "host/sweeps/run_file.h"
 #include "results/database/database.h"
 #include "results/system/file.h"
 #include "results/system/run_lock.h"
@@ -76,20 +78,25 @@ void CopyFile(const fs::path& from, const fs::path& to) {
   ::utimensat(AT_FDCWD, to.c_str(), times, 0);
 }
 
+constexpr char kLock[] = "lock";  // of a run's worker
+
 bool IsOfTheRun(const fs::path& file) {
-  return file.filename() != "lock" && file.extension() != ".tmp";
+  return file.filename() != kLock && file.extension() != ".tmp";
 }
 
 bool IsCheckpoint(const fs::path& file) { return file.extension() == ".ckpt"; }
 
 fs::path FilesOf(const fs::path& database) { return database.string() + ".files"; }
 
+fs::path FolderOf(const fs::path& database, const fs::path& scratch) {
+  return fs::path(AbsolutePath(scratch.string())) /
+         ("dreamsearch-" + Sha256Hex(AbsolutePath(database.string())).substr(0, 16));
+}
+
 }  // namespace
 
 Scratch::Scratch(const fs::path& database, const fs::path& scratch)
-    : database_(AbsolutePath(database.string())) {
-  folder_ = fs::path(AbsolutePath(scratch.string())) /
-            ("dreamsearch-" + Sha256Hex(database_.string()).substr(0, 16));
+    : database_(AbsolutePath(database.string())), folder_(FolderOf(database, scratch)) {
   CreateFolder(database_.parent_path());
   CreateFolder(folder_);
   if (RunIsLocked(folder_)) {
@@ -125,24 +132,59 @@ Scratch::Scratch(const fs::path& database, const fs::path& scratch)
   }
 }
 
-// Finished runs keep theirs where they are. A run that the copy has further keeps its own.
+bool Scratch::HasCopy(const fs::path& database, const fs::path& scratch) {
+  std::error_code error;
+  return fs::exists(FolderOf(database, scratch) / kOrigin, error);
+}
+
+// Finished runs keep theirs where they are, but for trained ones whose evaluation goes on.
 void Scratch::TakeFiles() {
   if (!fs::exists(database())) return;
   const auto copy = results::Database::OpenReadOnly(database());
   for (const results::RunInfo& run : copy->ListRuns()) {
     if (run.status == results::RunStatus::kFinished) continue;
-    const fs::path from = FilesOf(database_) / run.uuid, to = FilesOf(database()) / run.uuid;
-    ForEachFile(from, [&](const fs::path& file) {
-      if (IsOfTheRun(file) && !fs::exists(to / file)) CopyFile(from / file, to / file);
-    });
+    TakeFilesOf(run, /*to_read=*/false);
+    if (!run.parent_run_id) continue;
+    const std::optional<results::RunInfo> trained = copy->GetRun(*run.parent_run_id);
+    if (trained && trained->status == results::RunStatus::kFinished) {
+      TakeFilesOf(*trained, /*to_read=*/true);
+    }
   }
+}
+
+void Scratch::TakeToRead(const std::string& run) {
+  const results::RunInfo found = results::Database::OpenReadOnly(database())->GetRun(run);
+  if (found.status == results::RunStatus::kFinished) TakeFilesOf(found, /*to_read=*/true);
+}
+
+// A run that the copy has further keeps its own.
+void Scratch::TakeFilesOf(const results::RunInfo& run, bool to_read) {
+  if (to_read && !read_.insert(run.uuid).second) return;
+  const fs::path from = results::Database::RunFolderAt(database_.string(), run);
+  const fs::path to = FilesOf(database()) / run.uuid;
+  ForEachFile(from, [&](const fs::path& file) {
+    if (IsOfTheRun(file) && !fs::exists(to / file)) CopyFile(from / file, to / file);
+  });
+}
+
+// Those that were not have the files that were taken, and others may have changed theirs since.
+bool Scratch::IsWorkedOn(const std::string& uuid) const {
+  if (read_.count(uuid) > 0) return false;
+  const fs::path ours = FilesOf(database()) / uuid, theirs = FilesOf(database_) / uuid;
+  return fs::exists(ours / kLock) || !fs::exists(theirs / kRunFile) ||
+         !fs::exists(ours / kRunFile) ||
+         ReadWholeFile(ours / kRunFile) != ReadWholeFile(theirs / kRunFile);
 }
 
 // The files as they are at one moment: links, which keep a checkpoint that its run removes.
 void Scratch::Snapshot(const fs::path& snapshot) const {
   const fs::path files = FilesOf(database());
+  std::map<std::string, bool> worked_on;  // by UUID
   ForEachFile(files, [&](const fs::path& file) {
-    if (!IsOfTheRun(file)) return;
+    const std::string uuid = file.begin()->string();
+    const auto [found, added] = worked_on.try_emplace(uuid);
+    if (added) found->second = IsWorkedOn(uuid);
+    if (!IsOfTheRun(file) || !found->second) return;
     std::error_code error;
     CreateFolder((snapshot / file).parent_path());
     fs::create_hard_link(files / file, snapshot / file, error);

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
@@ -230,6 +231,83 @@ TEST(Scratch, WhatOthersWriteMeanwhileStays) {
   EXPECT_EQ(place.Query("shared/m.db", "select seed, status from run order by seed"),
             (std::vector<std::string>{"0|finished", "1|finished", "2|finished"}));
   EXPECT_EQ(place.Results({"verify", "--db", "shared/m.db"}).exit_status, 0);
+}
+
+// Files are only put back of what was worked on in the copy. The other process has gone on
+// meanwhile, and removed checkpoints that the copy still has.
+TEST(Scratch, ARunThatOthersResumeMeanwhileKeepsItsNewerCheckpoints) {
+  const Workplace place;
+  const auto start = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> run = Long("shared/m.db", more);
+    std::replace(run.begin(), run.end(), std::string("60000"), std::string("6000000"));
+    return place.Start(run);
+  };
+  const auto newest = [&] {
+    const std::string step = place.Value(
+        "shared/m.db", "select ifnull(max(env_step), 0) from artifact where run_id = 1");
+    return step.empty() ? 0 : std::stoi(step);
+  };
+  pid_t other = start({});
+  ASSERT_TRUE(WaitFor([&] { return newest() > 0; }));
+  ::kill(other, SIGTERM);
+  EXPECT_EQ(place.Wait(other).exit_status, 75);
+
+  const pid_t pid = start({"--seed-list", "1", "--scratch", "scratch"});
+  ASSERT_TRUE(WaitFor([&] {
+    const std::string copy = ScratchDatabase(place);
+    return !copy.empty() && place.Value(copy, "select count(*) from segment") == "2";
+  }));
+  const int before = newest();
+  other = start({});
+  ASSERT_TRUE(WaitFor([&] { return newest() > before + 10000; }));
+  ::kill(other, SIGTERM);
+  EXPECT_EQ(place.Wait(other).exit_status, 75);
+  ::kill(pid, SIGTERM);
+  const ProgramResult stopped = place.Wait(pid);
+  EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
+  const ProgramResult resumable =
+      place.Runner({"resume", "all", "--dry-run", "--db", "shared/m.db"});
+  EXPECT_EQ(resumable.exit_status, 0) << resumable.err;
+  EXPECT_NE(resumable.out.find("would resume run 1"), std::string::npos) << resumable.out;
+  EXPECT_NE(resumable.out.find("would resume run 2"), std::string::npos) << resumable.out;
+}
+
+// On a disk without locks, where each would fail without the copy.
+TEST(Scratch, ServesWhateverGoesOnWithRunsToo) {
+  const Workplace place;
+  std::filesystem::create_directory(place.Path("shared"));
+  const Variables site = {{"SITE_NO_LOCKS", place.Path("shared")},
+                          {"SITE_LOCK_ERROR", std::to_string(ENOLCK)}};
+  const auto run = [&](std::vector<std::string> words) {
+    words.insert(words.end(), {"--scratch", "scratch"});
+    const ProgramResult result = RunWith(place, site, words);
+    EXPECT_EQ(result.exit_status, 0) << words[0] << result.err;
+    EXPECT_TRUE(IsEmpty(place, "scratch")) << words[0];
+  };
+  const std::vector<std::string> train = Short("shared/m.db", {"--keep-replay"});
+  run(train);
+  run({"eval", "1", "--planner", "random", "--episodes", "2", "--db", "shared/m.db"});
+  run({"extend", "1", "--steps", "6000", "--db", "shared/m.db"});
+  // Both have to be resumed; of the evaluation that needs the trained run's checkpoint.
+  place.Query("shared/m.db",
+              "update run set status = 'interrupted', result_digest = null where run_id > 1");
+  run({"resume", "--db", "shared/m.db"});
+  EXPECT_EQ(place.Query("shared/m.db", "select status from run"),
+            (std::vector<std::string>(3, "finished")));
+
+  const Workplace plain;
+  for (std::vector<std::string> words :
+       {Short("m.db", {"--keep-replay"}),
+        {"eval", "1", "--planner", "random", "--episodes", "2", "--db", "m.db"},
+        {"extend", "1", "--steps", "6000", "--db", "m.db"}}) {
+    const ProgramResult result = plain.Runner(words);
+    EXPECT_EQ(result.exit_status, 0) << result.err;
+  }
+  EXPECT_EQ(Digests(place, "shared/m.db"), Digests(plain, "m.db"));
+  // No copy of what was only read, and nothing for a name that is none.
+  EXPECT_EQ(place.Runner({"resume", "--db", "gone/m.db", "--scratch", "scratch"}).exit_status, 66);
+  EXPECT_FALSE(std::filesystem::exists(place.Path("gone")));
+  EXPECT_TRUE(IsEmpty(place, "scratch"));
 }
 
 TEST(Scratch, TwoCommandsDoNotShareOneCopy) {
