@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <memory>
@@ -44,7 +45,11 @@ double SecondsOf(double seconds, Piece piece) {
   return elapsed / count;
 }
 
-RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environment* environment) {
+// Does each piece of a run, with all that the run keeps beside it. Without `costs` each piece is
+// done as often as its memory needs it, and *memory_bytes is what that took.
+RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment* environment,
+                  bool measured, double* memory_bytes) {
+  const double patience = measured ? 1 : 0;
   RunCosts costs;
   const EnvironmentSpec& figures = environment->spec();
   std::vector<double> observation(figures.observation_size);
@@ -65,11 +70,13 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
     ThrowUnlessOk(environment->Step({bounded.data(), bounded.size()}, observed, &step),
                   "environment Step");
   };
-  costs.environment_step = SecondsOf(0.1, act);
+  costs.environment_step = SecondsOf(0.1 * patience, act);
 
   const EnvironmentPtr model_environment =
       spec.model.Has(kNeedsEnvironment) ? components.MakeEnvironment() : nullptr;
-  const ModelPtr model = components.MakeModel(figures, 1, model_environment.get());
+  const ModelPtr trained_model = components.MakeTrainedModel(figures, 1);
+  const ModelPtr model =
+      components.MakeModel(figures, 1, model_environment.get(), trained_model.get());
   const PlannerPtr planner = components.MakePlanner(*model);
   Agent::Parts parts;
   parts.model = model.get();
@@ -81,31 +88,38 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
   parts.policy_actions = spec.search_candidates();
   Agent explorer(parts);
   explorer.BeginEpisode(EpisodePurpose::kTraining, 0);
-  costs.training_decision = SecondsOf(0.3, [&] { explorer.Decide(observed, true, 0); });
+  costs.training_decision = SecondsOf(0.3 * patience, [&] { explorer.Decide(observed, true, 0); });
 
   // Evaluations decide for several episodes side by side; here for as many of them as can
-  // be measured in moments (SecondsOf makes at least three pieces).
-  constexpr double kMoments = 20;
-  const double affordable = std::max(1.0, kMoments / (3 * costs.training_decision));
-  const auto together = static_cast<std::uint64_t>(
-      std::min({affordable, static_cast<double>(EpisodePlayers::kMost),
-                static_cast<double>(spec.run.Integer("eval_episodes"))}));
-  JointModel joint(model.get(), together);
-  const std::vector<EnvironmentPtr> environments;  // every agent sees the one of above
+  // be done in moments (SecondsOf makes at least three pieces).
+  const double moments = measured ? 20 : 2;
+  const double affordable = std::max(1.0, moments / (3 * costs.training_decision));
+  const double wanted = std::min(static_cast<double>(EpisodePlayers::kMost),
+                                 static_cast<double>(spec.run.Integer("eval_episodes")));
+  const double together = std::floor(std::min(affordable, wanted));
+  const auto before_players = static_cast<double>(ResidentBytes(::getpid()));
+  std::vector<EnvironmentPtr> environments;
+  for (double i = 0; i < together; ++i) {
+    environments.push_back(components.MakeEnvironment());
+    ThrowUnlessOk(environments.back()->Reset(0, observed), "environment Reset");
+  }
+  JointModel joint(model.get(), environments.size());
+  std::vector<EpisodePlayers::Parts> all_players;  // kept, as a run keeps them
+  std::vector<std::unique_ptr<Agent>> all_agents;
   const auto evaluation_decision = [&](EpisodePlayers::Who who) {
-    const EpisodePlayers::Parts players =
-        EpisodePlayers::PartsOf(spec, components, who, &joint, &environments);
-    std::vector<std::unique_ptr<Agent>> agents;
+    const EpisodePlayers::Parts& players = all_players.emplace_back(
+        EpisodePlayers::PartsOf(spec, components, who, &joint, &environments));
+    std::vector<Agent*> agents;
     for (std::size_t i = 0; i < joint.seats(); ++i) {
       Agent::Parts player = players.agent;
       player.model = joint.seat(i);
       player.planner = players.planners[i].get();
-      player.environment = environment;
-      agents.push_back(std::make_unique<Agent>(player));
+      player.environment = environments[i].get();
+      agents.push_back(all_agents.emplace_back(std::make_unique<Agent>(player)).get());
       agents.back()->BeginEpisode(EpisodePurpose::kEvaluation, i);
     }
     EpisodeFaults faults;
-    const double seconds = SecondsOf(0.3, [&] {
+    const double seconds = SecondsOf(0.3 * patience, [&] {
       joint.Run([&](std::size_t i) {
         try {
           agents[i]->Decide(observed, false, 0);
@@ -117,13 +131,21 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
     });
     return seconds / static_cast<double>(agents.size());
   };
-  const double planned = evaluation_decision(EpisodePlayers::Who::kEvaluationPlanner);
-  if (spec.eval_planner.Has(kActorAlone)) {
+  const double planned = evaluation_decision(
+      spec.evaluation ? EpisodePlayers::Who::kPlanner : EpisodePlayers::Who::kEvaluationPlanner);
+  if (spec.evaluation) {
+    costs.search_evaluation_decision = planned;
+  } else if (spec.eval_planner.Has(kActorAlone)) {
     costs.actor_evaluation_decision = planned;
   } else {
     costs.search_evaluation_decision = planned;
     costs.actor_evaluation_decision = evaluation_decision(EpisodePlayers::Who::kActor);
   }
+  const double a_player =
+      std::max(0.0, static_cast<double>(ResidentBytes(::getpid())) - before_players) / together;
+
+  *memory_bytes = static_cast<double>(PeakResidentBytes()) + (wanted - together) * a_player;
+  if (spec.evaluation) return costs;
 
   const std::uint64_t length = spec.run.Integer("sequence_length");
   Replay replay(figures.observation_size, figures.action_size, 2 * length + 2,
@@ -144,7 +166,7 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
     reanalysis = std::make_unique<Reanalysis>(spec, components, model.get());
   }
   if (spec.model.Has(kLearns)) {
-    costs.update = SecondsOf(0.5, [&] {
+    costs.update = SecondsOf(0.5 * patience, [&] {
       const SequenceBatch batch = replay.Sample(spec.run.Integer("batch_size"), length, update);
       if (reanalysis != nullptr) reanalysis->Renew(batch, update, 0, &replay);
       TrainRequest request;
@@ -155,12 +177,13 @@ RunCosts MeasureCosts(const RunSpec& spec, const Components& components, Environ
                     "model '" + spec.model.name() + "' Train");
     });
   }
-  costs.model_save = SecondsOf(0.05, [&] {
+  costs.model_save = SecondsOf(0.05 * patience, [&] {
     costs.checkpoint_bytes = static_cast<double>(StateBytes([&](StateWriter* writer) {
       ThrowUnlessOk(writer->Stream("state", [&](ByteSink* sink) { return model->Save(sink); }),
                     "model '" + spec.model.name() + "' Save");
     }));
   });
+  *memory_bytes = static_cast<double>(PeakResidentBytes()) + (wanted - together) * a_player;
   return costs;
 }
 
@@ -222,11 +245,9 @@ int ProbeMain() {
     result.ingredients = IngredientsOf(figures);
     if (figures.notice != nullptr) result.notice = figures.notice;
     if (asked.depth == ProbeDepth::kComponents) MakeComponents(spec, components, figures);
-    if (asked.depth == ProbeDepth::kCosts) {
-      result.costs = MeasureCosts(spec, components, environment.get());
-    }
-    if (asked.depth != ProbeDepth::kTask) {
-      result.memory_bytes = static_cast<double>(PeakResidentBytes());
+    if (asked.depth == ProbeDepth::kCosts || asked.depth == ProbeDepth::kMemory) {
+      result.costs = Rehearse(spec, components, environment.get(),
+                              asked.depth == ProbeDepth::kCosts, &result.memory_bytes);
     }
     return results::FieldsToJson(result);
   });
@@ -252,9 +273,6 @@ SweepFigures ProbeSweep(std::vector<RunSpec>* specs, const ProcessOptions& optio
     if (added) {
       try {
         probe = ProbeRun(spec, ProbeDepth::kComponents, options);
-        figures.memory_bytes =
-            std::max(figures.memory_bytes,
-                     static_cast<std::uint64_t>(EstimateRun(spec, probe).memory_bytes));
       } catch (const Failure& error) {
         if (error.code() == ExitCode::kUsage) throw;
         probe = ProbeRun(spec, ProbeDepth::kTask, options);
@@ -266,7 +284,34 @@ SweepFigures ProbeSweep(std::vector<RunSpec>* specs, const ProcessOptions& optio
     spec.environment.ingredients = probe.ingredients;
     figures.tasks.push_back(probe.task);
   }
+  figures.memory_bytes = MemoryOfRuns(*specs, figures.tasks, options);
   return figures;
+}
+
+std::uint64_t MemoryOfRuns(const std::vector<RunSpec>& specs,
+                           const std::vector<results::TaskInfo>& tasks,
+                           const ProcessOptions& options) {
+  if (options.jobs != 0 || specs.size() < 2) return 0;
+  const auto numbers = [&](std::size_t i) {
+    return tasks[i].observation_size + tasks[i].action_size;
+  };
+  std::map<std::string, std::size_t> largest;  // by all but the task
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    RunSpec alike = specs[i];
+    if (!tasks.empty()) alike.environment = specs.front().environment;
+    const auto [entry, added] = largest.try_emplace(CanonicalJson(alike), i);
+    if (!added && numbers(i) > numbers(entry->second)) entry->second = i;
+  }
+  double most = 0;
+  for (const auto& [alike, i] : largest) {
+    try {
+      const ProbeResult probe = ProbeRun(specs[i], ProbeDepth::kMemory, options);
+      most = std::max(most, EstimateRun(specs[i], probe).memory_bytes);
+    } catch (const Failure&) {
+      // Its fault costs its own run.
+    }
+  }
+  return static_cast<std::uint64_t>(most);
 }
 
 std::string ChangedIngredient(const RunSpec& spec, const ProcessOptions& options) {

@@ -52,7 +52,7 @@ struct ProbeResult {
   std::map<std::string, std::string> ingredients;  // of the environment
   std::string notice;                              // EnvironmentSpec::notice
   RunCosts costs;                                  // zero unless measured
-  double memory_bytes = 0;  // resident, at most; zero unless components were made
+  double memory_bytes = 0;  // resident, of all but replay and database; zero unless measured
 
   template <typename Archive>
   void Fields(Archive* archive) {
@@ -68,7 +68,8 @@ struct ProbeResult {
 enum class ProbeDepth {
   kTask,        // makes the environment
   kComponents,  // and the model and the planners
-  kCosts,       // and measures them
+  kMemory,      // and has all that a run keeps do each of its pieces, which takes a second
+  kCosts,       // and measures how long each takes
 };
 
 // What every command grants a probe.
@@ -80,7 +81,7 @@ ProbeResult ProbeRun(const RunSpec& spec, ProbeDepth depth, const ProcessOptions
 
 struct SweepFigures {
   std::vector<results::TaskInfo> tasks;  // one a spec
-  std::uint64_t memory_bytes = 0;        // of the largest run, estimated; 0: unknown
+  std::uint64_t memory_bytes = 0;        // MemoryOfRuns
   std::vector<std::string> notices;      // of the environments, each once
 };
 
@@ -89,6 +90,14 @@ struct SweepFigures {
 // together: throws Failure 2 for those, and what ProbeRun throws for an environment. Another fault
 // of a model or a planner is left to cost its own run.
 SweepFigures ProbeSweep(std::vector<RunSpec>* specs, const ProcessOptions& options);
+
+// What the largest of these runs takes, estimated. 0: it could not be measured, or nobody wants to
+// know, because the number of runs at once is given or there is one run. `tasks` are theirs: runs
+// that have all but their task in common are measured on that with the most observations and
+// actions. Where it is empty, on each.
+std::uint64_t MemoryOfRuns(const std::vector<RunSpec>& specs,
+                           const std::vector<results::TaskInfo>& tasks,
+                           const ProcessOptions& options);
 
 // How the ingredients of a recorded run's environment have changed since; empty if they have not
 // or it has none. Throws what ProbeRun throws.
