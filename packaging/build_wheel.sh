@@ -11,7 +11,10 @@ folder=$(cd "${1:-dist}" && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-python3 -m venv "$work/tools"
+python3 -m venv "$work/tools" || {
+  echo "expected Python 3.11 or newer with its module venv; Debian: apt-get install python3-venv" >&2
+  exit 69
+}
 "$work/tools/bin/pip" install -q build auditwheel wheel || {
   echo "skipped: the tools that build a wheel cannot be had from PyPI" >&2
   exit 77
