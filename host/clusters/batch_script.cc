@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "host/plugins/describing.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/text/shell.h"
@@ -194,6 +195,9 @@ std::string ArrayScript(const BatchPlace& place, const Allocation& allocation,
   text += Option("signal=B:USR1@" + std::to_string(kNoticeSeconds));
   text += Option("array=0-" + std::to_string(tasks.size() - 1));
   text += Extra(allocation) + "\n" + Variables(place);
+  // So that no task starts every plugin to learn what is in it.
+  text +=
+      std::string("export ") + kKnownPluginsVariable + "=\"$folder\"/" + kKnownPluginsFile + "\n";
   text += "flags=(" + ShellCommand(flags) + ")\n";
   if (retry) {
     // Not what failed in this very task before it was requeued.

@@ -17,6 +17,9 @@ namespace dreamsearch {
 inline constexpr int kNoticeSeconds = 120;
 inline constexpr int kEarlySeconds = 60;
 
+// In the sweep's folder: what its plugins are (KnownPlugins).
+inline constexpr char kKnownPluginsFile[] = "plugins.json";
+
 // What each task of an array is given.
 struct Allocation {
   std::string partition;           // empty: the site's default

@@ -21,6 +21,8 @@
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/run_lock.h"
+#include "results/text/json_fields.h"
+#include "results/text/json_text.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -332,6 +334,8 @@ int Submit::Run() {
   const BatchPlace place = Place(record);
   if (!print) {
     WriteConfigurations(choice.submitted, catalogue);
+    WriteWholeFile(std::filesystem::path(folder) / kKnownPluginsFile,
+                   results::JsonText(results::FieldsToJson(catalogue.described())) + "\n");
     WriteSubmission(folder, record);
   }
   std::vector<std::string> jobs = SubmitArrays(place, choice.submitted, &record);

@@ -97,7 +97,9 @@ Flag PluginPathFlag(std::vector<std::string>* plugin_path) {
 }
 
 Catalogue ScanPlugins(const std::vector<std::string>& plugin_path) {
-  Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path));
+  ScanOptions options;
+  options.known = ReadKnownPlugins();
+  Catalogue catalogue = Catalogue::Scan(PluginFolders(plugin_path), options);
   for (const std::string& warning : catalogue.warnings()) {
     std::cerr << "warning: " << warning << "\n";
   }

@@ -106,6 +106,7 @@ Catalogue Catalogue::Scan(const std::vector<std::filesystem::path>& folders,
       catalogue.refusals_.push_back(descriptions[i].refusal);
       continue;
     }
+    catalogue.described_.plugins.push_back(descriptions[i]);
     for (ComponentInfo& component : descriptions[i].components) {
       const std::string kind = ComponentKindName(component.kind);
       // True if the name is this component's to use.

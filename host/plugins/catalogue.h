@@ -48,12 +48,15 @@ class Catalogue {
   const std::vector<PluginRefusal>& refusals() const { return refusals_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
   const std::vector<std::filesystem::path>& folders() const { return folders_; }
+  // What each library that was not refused says of itself, whether it is used or not.
+  const KnownPlugins& described() const { return described_; }
 
  private:
   std::vector<std::shared_ptr<const ComponentInfo>> components_;
   std::vector<PluginRefusal> refusals_;
   std::vector<std::string> warnings_;
   std::vector<std::filesystem::path> folders_;
+  KnownPlugins described_;
   // Names that two plugins of one folder claim, and the message for each.
   std::map<std::pair<ComponentKind, std::string>, std::string> ambiguous_;
 };

@@ -21,6 +21,7 @@
 
 #include "host/plugins/plugin_loader.h"
 #include "results/system/child.h"
+#include "results/system/file.h"
 #include "results/system/file_descriptor.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
@@ -181,6 +182,26 @@ std::string LastLine(std::string text) {
 
 }  // namespace
 
+const PluginDescription* KnownPlugins::Find(const std::string& file,
+                                            const std::string& sha256) const {
+  const auto found =
+      std::find_if(plugins.begin(), plugins.end(), [&](const PluginDescription& plugin) {
+        return !plugin.components.empty() && plugin.components.front().plugin.path == file &&
+               plugin.components.front().plugin.sha256 == sha256;
+      });
+  return found == plugins.end() || sha256.empty() ? nullptr : &*found;
+}
+
+KnownPlugins ReadKnownPlugins() {
+  const char* file = std::getenv(kKnownPluginsVariable);
+  if (file == nullptr) return {};
+  try {
+    return results::FieldsFromJson<KnownPlugins>(results::ParseJson(ReadWholeFile(file)));
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
 PluginDescription DescribeInChild(const std::string& file, const ScanOptions& options) {
   PluginDescription description;
   const auto refuse = [&](ExitCode code, const std::string& message) {
@@ -193,6 +214,7 @@ PluginDescription DescribeInChild(const std::string& file, const ScanOptions& op
   try {
     // A folder or a named pipe called x.so has no digest; the child says what it is.
     if (std::filesystem::is_regular_file(file)) sha256 = Sha256HexOfFile(file);
+    if (const PluginDescription* known = options.known.Find(file, sha256)) return *known;
     child = RunChild(file, options);
   } catch (const Failure& error) {
     return refuse(error.code(), error.what());

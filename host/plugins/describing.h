@@ -12,6 +12,24 @@
 
 namespace dreamsearch {
 
+// Descriptions that were made before, for the many commands of a sweep on a cluster. One counts for
+// a file that still has its path and its digest.
+struct KnownPlugins {
+  std::vector<PluginDescription> plugins;
+
+  // Null if there is none.
+  const PluginDescription* Find(const std::string& file, const std::string& sha256) const;
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("plugins", &plugins);
+  }
+};
+// What kKnownPluginsVariable names. None if nothing is named, or if it is not what `runner submit`
+// wrote: then each file is described anew.
+inline constexpr char kKnownPluginsVariable[] = "DREAMSEARCH_KNOWN_PLUGINS";
+KnownPlugins ReadKnownPlugins();
+
 struct ScanOptions {
   // The program that describes a plugin: it is called with `arguments` and then
   // the file, and calls DescribePluginMain.
@@ -19,9 +37,10 @@ struct ScanOptions {
   std::vector<std::string> arguments = {"describe-plugin"};
   std::chrono::milliseconds timeout = std::chrono::seconds(10);
   int children = 2;  // at once
+  KnownPlugins known;
 };
 
-// Describes one file in a child, which is gone when this returns. Never throws
+// Describes one file in a child, which is gone when this returns, unless it is known. Never throws
 // for what the library does.
 PluginDescription DescribeInChild(const std::string& file, const ScanOptions& options);
 

@@ -100,6 +100,26 @@ TEST_F(SubmitTest, MakesATaskOfEachRunAndAMergeJobThatWaitsForThem) {
   }
 }
 
+TEST_F(SubmitTest, ATaskStartsNoPluginToLearnWhatIsInIt) {
+  ASSERT_EQ(Submit({}).exit_status, 0);
+  const std::string script = Script(101);
+  const std::string name = "export DREAMSEARCH_KNOWN_PLUGINS=\"$folder\"/plugins.json\n";
+  ASSERT_NE(script.find(name), std::string::npos) << script;
+  // What it says counts: with no planner in it there is none for unchanged files.
+  const std::string file = place_.Path("s w/plugins.json");
+  const std::string id = Tasks(script).at(0);
+  ::setenv("DREAMSEARCH_KNOWN_PLUGINS", file.c_str(), 1);
+  EXPECT_EQ(Do(id).exit_status, 0);
+  std::ifstream stream(file);
+  std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  const std::string named = "\"name\":\"random\"";
+  ASSERT_NE(text.find(named), std::string::npos);
+  std::ofstream(file) << text.replace(text.find(named), named.size(), "\"name\":\"rondam\"");
+  const ProgramResult result = Do(id);
+  ::unsetenv("DREAMSEARCH_KNOWN_PLUGINS");
+  EXPECT_EQ(result.exit_status, 66) << result.err;
+}
+
 TEST_F(SubmitTest, ArraysStayBelowTheSitesLargest) {
   Write("config", "MaxArraySize            = 4\n");
   const ProgramResult result = Submit({"--seeds", "8", "--runs-per-task", "2"});

@@ -214,6 +214,39 @@ TEST(Catalogue, FinishesTheCorpusAndFindsTheGoodOnes) {
   }
 }
 
+// A program that cannot describe shows that it was not asked.
+TEST(Catalogue, AFileThatIsKnownIsNotStartedUnlessItHasChanged) {
+  const LibraryFolder folder;
+  folder.Copy(Corpus("good"), "good.so");
+  const Catalogue first = Catalogue::Scan({folder.path()}, Patient());
+  ASSERT_FALSE(first.components().empty());
+  ScanOptions options = Patient();
+  options.program = "/bin/false";
+  options.known = results::FieldsFromJson<KnownPlugins>(results::FieldsToJson(first.described()));
+  const Catalogue again = Catalogue::Scan({folder.path()}, options);
+  ASSERT_EQ(again.components().size(), first.components().size());
+  EXPECT_EQ(results::FieldsToJson(*again.components()[0]),
+            results::FieldsToJson(*first.components()[0]));
+
+  std::ofstream(folder.path() / "good.so", std::ios::app) << "more";
+  const Catalogue changed = Catalogue::Scan({folder.path()}, options);
+  EXPECT_TRUE(changed.components().empty());
+  EXPECT_EQ(changed.refusals().size(), 1u);
+}
+
+TEST(Catalogue, WhatIsNoListOfKnownPluginsIsNone) {
+  const LibraryFolder folder;
+  for (const char* text : {"", "{", "[]", R"({"plugins":[{}]})"}) {
+    std::ofstream(folder.path() / "plugins.json") << text;
+    ::setenv(kKnownPluginsVariable, (folder.path() / "plugins.json").c_str(), 1);
+    EXPECT_TRUE(ReadKnownPlugins().plugins.empty()) << text;
+  }
+  ::setenv(kKnownPluginsVariable, "/nowhere", 1);
+  EXPECT_TRUE(ReadKnownPlugins().plugins.empty());
+  ::unsetenv(kKnownPluginsVariable);
+  EXPECT_TRUE(ReadKnownPlugins().plugins.empty());
+}
+
 TEST(Catalogue, SaysWhichNamesAreKnown) {
   const LibraryFolder folder;
   folder.Copy(Corpus("good"), "good.so");
