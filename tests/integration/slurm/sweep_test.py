@@ -6,12 +6,16 @@ sweep_test.py BIN FAULTY starts a cluster of this machine, submits with BIN/runn
 plugins of the folder FAULTY, and compares with the same runs done here. Ends with 77 where Slurm is
 not installed.
 
-sweep_test.py BIN FAULTY --measure N times N runs instead: the submission, what a task adds to its
-run, and the merge.
+sweep_test.py BIN FAULTY --measure N times N runs instead: the submission, the sweep, and what a task
+adds to its run, which is the time of a task's script, less the share of a run in the same runs here
+by one command. Ends with 1 if the submission takes 5 s, or if a task adds 0.2 s of processor time.
+Wall time stands beside it: on a busy machine it tells of the others.
 """
 import os
 import pathlib
 import re
+import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -23,6 +27,7 @@ sys.dont_write_bytecode = True
 import cluster
 
 PATIENCE = 600
+MOST_SUBMISSION, MOST_ADDED = 5, 0.2  # seconds
 SETTINGS = ["run.prefill_steps=1000", "run.pretrain_updates=4", "run.train_every=250",
             "run.batch_size=4", "run.sequence_length=8", "run.eval_episodes=1",
             "run.eval_every=2000", "run.checkpoint_every=1000", "model.hidden=16",
@@ -210,27 +215,56 @@ def test_limits(sweep, slurm):
     print(f"{count} runs, each once, with the digests of a local sweep on {instructions}")
 
 
+def timed(work, times):
+    """Wall and processor seconds each."""
+    def processor():
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+    begun, processor_begun = time.monotonic(), processor()
+    work()
+    return (time.monotonic() - begun) / times, (processor() - processor_begun) / times
+
+
 def measure(sweep, count):
     flags = sweep.flags("random", 500, ["--seeds", str(count)])
     begun = time.monotonic()
     sweep.call("runner", "submit", "--folder", str(sweep.folder), *flags)
-    print(f"submission of {count} runs: {time.monotonic() - begun:.2f} s")
+    submission = time.monotonic() - begun
+    print(f"submission of {count} runs: {submission:.2f} s")
     until("the merge job's end", lambda: not queue(), 3600)
     print(f"all done: {time.monotonic() - begun:.1f} s")
     finished = len(digests(sweep.folder / "all.db"))
     assert finished == count, f"{finished} of {count} runs are finished"
+    begun = time.monotonic()
+    sweep.call("runner", "submit", "--folder", str(sweep.folder), *flags)
+    print(f"the same command again: {time.monotonic() - begun:.2f} s")
+
     tasks = min(count, 20)
     script = (sweep.folder / "jobs" / "array_1.sh").read_text()
-    for what, text in [("script of a task", re.sub("^runner=.*", "runner=true", script, flags=re.M)),
-                       ("the same with a runner that finds its run finished", script)]:
-        begun = time.monotonic()
+
+    def do_tasks(text):
         for task in range(tasks):
             subprocess.run(["bash", "-c", text], cwd=sweep.place, check=True, capture_output=True,
                            env=dict(os.environ, SLURM_ARRAY_TASK_ID=str(task)))
-        print(f"{what}: {(time.monotonic() - begun) / tasks:.3f} s")
-    begun = time.monotonic()
-    sweep.call("runner", "submit", "--folder", str(sweep.folder), *flags, expect=(0, 2, 70))
-    print(f"the same command again: {time.monotonic() - begun:.2f} s")
+
+    def do_sweep():
+        sweep.call("runner", "--db", "local.db", "--jobs", "1",
+                   *sweep.flags("random", 500, ["--seeds", str(tasks)]))
+
+    each = {}
+    script_alone = re.sub("^runner=.*", "runner=true", script, flags=re.M)
+    for what, work in [("script alone", lambda: do_tasks(script_alone)),
+                       ("task whose run is finished", lambda: do_tasks(script)),
+                       ("run of a local sweep", do_sweep), ("task", lambda: do_tasks(script))]:
+        if what == "task":
+            for database in sweep.databases():
+                database.unlink()
+                shutil.rmtree(f"{database}.files")
+        each[what] = timed(work, tasks)
+        print(f"{what}: {each[what][0]:.3f} s, {each[what][1]:.3f} s of processor time")
+    added = [task - run for task, run in zip(each["task"], each["run of a local sweep"])]
+    print(f"a task adds {added[0]:.3f} s, {added[1]:.3f} s of processor time to its run")
+    return submission < MOST_SUBMISSION and added[1] < MOST_ADDED
 
 
 def main():
@@ -245,7 +279,7 @@ def main():
             sweep = Sweep(binaries, faulty, place)
             try:
                 if sys.argv[3:4] == ["--measure"]:
-                    measure(sweep, int(sys.argv[4]))
+                    return 0 if measure(sweep, int(sys.argv[4])) else 1
                 else:
                     test(sweep)
                     sweep = Sweep(binaries, faulty, place, "limits")
