@@ -269,6 +269,13 @@ TEST(Scratch, ARunThatOthersResumeMeanwhileKeepsItsNewerCheckpoints) {
       place.Runner({"resume", "all", "--dry-run", "--db", "shared/m.db"});
   EXPECT_EQ(resumable.exit_status, 0) << resumable.err;
   EXPECT_NE(resumable.out.find("would resume run 1"), std::string::npos) << resumable.out;
+  const std::vector<std::string> checkpoints =
+      place.Query("shared/m.db", "select path from artifact where run_id = 1 and env_step = " +
+                                     std::to_string(newest()));
+  ASSERT_FALSE(checkpoints.empty());
+  for (const std::string& path : checkpoints) {
+    EXPECT_TRUE(std::filesystem::exists(place.Path("shared/" + path))) << path;
+  }
   EXPECT_NE(resumable.out.find("would resume run 2"), std::string::npos) << resumable.out;
 }
 
