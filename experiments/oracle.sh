@@ -12,13 +12,14 @@ db=${1:-$root/results/oracle.db}
 play() { "$bin/runner" eval --model oracle --study oracle --db "$db" --jobs 1 "$@" >/dev/null; }
 
 # What every task shares; sequences are few, so that a decision takes milliseconds.
-all=random,random_shooting,cem,mppi,rollout,mcts_pw,mcts_fixed,mcts_gumbel,hoot
+all=random,random_shooting,cem,icem,mppi,rollout,mcts_pw,mcts_fixed,mcts_gumbel,hoot
 mppi=(--set mppi.actor_candidates=2 --set mppi.play=mean)
 shared=(
   "${mppi[@]}" --set mppi.iterations=2 --set mppi.min_std=0.3
   --set mcts_pw.widening_exponent=0.25
   --set random_shooting.horizon=10
   --set cem.horizon=10 --set cem.iterations=2
+  --set icem.horizon=10 --set icem.iterations=2  # its candidates: as many transitions as cem
   --set rollout.actor_candidates=10 --set rollout.uniform_candidates=20
   --set rollout.continuation=sample --set rollout.lambda=1
 )
@@ -27,12 +28,14 @@ shared=(
 play --env reacher_easy,finger_spin --planner "$all" --episodes 20 --set run.action_repeat=4 \
   "${shared[@]}" --set planner.simulations=100 --set mcts_fixed.children=5 \
   --set random_shooting.candidates=60 --set cem.candidates=30 --set cem.elites=5 \
+  --set icem.candidates=33 --set icem.elites=5 \
   --set mppi.candidates=30 --set mppi.elites=6 --set mppi.horizon=10
 
 # Swinging up takes more than a second, so actions are held for 80 ms.
 play --env cartpole_swingup --planner "$all" --episodes 20 --set run.action_repeat=8 \
   "${shared[@]}" --set planner.simulations=400 --set mcts_fixed.children=3 \
   --set random_shooting.candidates=100 --set cem.candidates=50 --set cem.elites=8 \
+  --set icem.candidates=55 --set icem.elites=8 \
   --set mppi.candidates=40 --set mppi.elites=8 --set mppi.horizon=15
 
 # Pumping up takes five seconds, and nothing pays before the top is reached.
