@@ -300,7 +300,7 @@ std::uint64_t MemoryOfRuns(const std::vector<RunSpec>& specs,
     RunSpec alike = specs[i];
     if (!tasks.empty()) alike.environment = specs.front().environment;
     const auto [entry, added] = largest.try_emplace(CanonicalJson(alike), i);
-    if (!added && numbers(i) > numbers(entry->second)) entry->second = i;
+    if (!added && !tasks.empty() && numbers(i) > numbers(entry->second)) entry->second = i;
   }
   double most = 0;
   for (const auto& [alike, i] : largest) {
