@@ -54,6 +54,7 @@ void Fiber::Start(Body body, void* context) {
   context_ = context;
   ended_ = false;
   exceptions_ = {};
+  site_ = {};
   sanitizer_state_ = nullptr;
   begun_ = false;
   ::getcontext(&entry_);
@@ -100,6 +101,7 @@ void SwapExceptions(Record* record) {
 
 void Fiber::SwitchIn() {
   SwapExceptions(&exceptions_);
+  std::swap(call_site, site_);
   if (_setjmp(resumer_) == 0) {
 #ifdef __SANITIZE_ADDRESS__
     __sanitizer_start_switch_fiber(&sanitizer_resumer_state_, memory_ + page_, kStackBytes);
@@ -116,6 +118,7 @@ void Fiber::SwitchIn() {
   __sanitizer_finish_switch_fiber(sanitizer_resumer_state_, nullptr, nullptr);
 #endif
   SwapExceptions(&exceptions_);
+  std::swap(call_site, site_);
 }
 
 void Fiber::SwitchOut() {

@@ -13,6 +13,8 @@
 #include <csetjmp>
 #include <cstddef>
 
+#include "host/plugins/call_site.h"
+
 namespace dreamsearch {
 
 class Fiber {
@@ -58,6 +60,7 @@ class Fiber {
   bool begun_ = false;
   bool ended_ = true;
   Exceptions exceptions_;  // of the side that is not running
+  CallSite site_;          // likewise
   // What sanitizers want to know of the stacks.
   void* sanitizer_state_ = nullptr;
   void* sanitizer_resumer_state_ = nullptr;

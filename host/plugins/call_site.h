@@ -1,8 +1,8 @@
 // call_site.h - which call of which component is under way.
 //
 // Kept for whoever must say where a process died or hangs: a signal handler reads it
-// (host/processes/crash_report.h). Where episodes take turns on stacks of their own, a scope that
-// ends puts back what its own stack had before.
+// (host/processes/crash_report.h). Where episodes take turns on stacks of their own, each has
+// its own (host/acting/fiber.h).
 #pragma once
 
 #include <cstdint>

@@ -711,6 +711,29 @@ TEST(Fiber, ExceptionsUnderWayAreItsOwn) {
   EXPECT_EQ(counting[1].step, 20);
 }
 
+// Scopes of several stacks end in another order than they began in.
+TEST(Fiber, TheCallUnderWayIsItsOwn) {
+  Counting counting[2];
+  const CallScope outer({"model", "outer", "Train"});
+  for (Counting& one : counting) {
+    one.fiber.Start(
+        [](void* context) noexcept {
+          auto* self = static_cast<Counting*>(context);
+          self->step = call_site.name == nullptr ? 1 : 0;
+          const CallScope scope({"", "a planner", "Plan"});
+          self->fiber.Pause();
+          self->step += std::string(call_site.name) == "a planner" ? 1 : 0;
+        },
+        &one);
+    EXPECT_STREQ(call_site.name, "outer");
+  }
+  for (Counting& one : counting) {
+    one.fiber.Resume();
+    EXPECT_STREQ(call_site.name, "outer");
+    EXPECT_EQ(one.step, 2);
+  }
+}
+
 int Descend(int depth) {
   volatile char frame[1024];
   frame[0] = static_cast<char>(depth);
