@@ -272,6 +272,7 @@ class Sweep {
                           : ExitCode::kInputOutput,
                       "cannot create " + log_path.string() + ": " + std::strerror(reason));
       }
+      run->course.log_begin = ::lseek(log.get(), 0, SEEK_END);
       Pipe pipe = MakePipe();
       WorkerJob work = job.work;
       work.after_segment = known->last_segment;

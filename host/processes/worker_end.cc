@@ -19,16 +19,17 @@ namespace {
 // So much of a log is searched for its last line.
 constexpr std::streamoff kLogEndBytes = 64 << 10;
 
-// What a log says at its end; a plugin may have filled it.
+// What a worker's part of a log says at its end; a plugin may have filled it.
 struct LastWords {
   std::string line;   // the plugin's last one: a crash report and what follows is left out
   std::string where;  // " in planner 'cem' Plan, decision 12", if a crash report says so
 };
-LastWords ReadLastWords(const std::filesystem::path& log) {
+LastWords ReadLastWords(const WorkerCourse& course) {
   constexpr std::size_t kMost = 300;
-  std::ifstream file(log);
+  std::ifstream file(course.log);
   file.seekg(0, std::ios::end);
-  file.seekg(std::max<std::streamoff>(0, std::streamoff(file.tellg()) - kLogEndBytes));
+  file.seekg(
+      std::max<std::streamoff>(course.log_begin, std::streamoff(file.tellg()) - kLogEndBytes));
   LastWords words;
   std::string last;
   for (std::string line; std::getline(file, line);) {
@@ -61,8 +62,8 @@ WorkerEnd Killed(const WorkerCourse& course) {
                ? "waited for " + FormatDuration(course.idle_seconds) + " without working" + doing
                : "made no progress for " + FormatDuration(course.patience_seconds) +
                      " of processor time" + doing) +
-              ReadLastWords(course.log).where +
-              "; a plugin hangs, or --hang-timeout is too short. " + log};
+              ReadLastWords(course).where + "; a plugin hangs, or --hang-timeout is too short. " +
+              log};
     case WorkerCourse::Killed::kMemory:
       return {results::RunStatus::kKilled, crashed,
               "took " + FormatBytes(static_cast<double>(course.memory_bytes)) + " of memory" +
@@ -110,7 +111,7 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
     if (course.asked != WorkerCourse::Asked::kNo && IsStopSignal(signal)) {
       return {results::RunStatus::kInterrupted, interrupted, "ended before it could checkpoint"};
     }
-    const LastWords words = ReadLastWords(course.log);
+    const LastWords words = ReadLastWords(course);
     return {results::RunStatus::kCrashed, crashed,
             "crashed with " + DescribeWaitStatus(wait_status) + " while " +
                 RunStageName(course.stage) + words.where +
@@ -118,7 +119,7 @@ WorkerEnd EndOf(const WorkerCourse& course, int wait_status) {
   }
   const int code = WEXITSTATUS(wait_status);
   if (code == 0 && course.done) return {results::RunStatus::kFinished, 0, ""};
-  const std::string where = course.error.empty() ? ReadLastWords(course.log).where : "";
+  const std::string where = course.error.empty() ? ReadLastWords(course).where : "";
   if (code == 0 || !where.empty()) {
     return {results::RunStatus::kCrashed, crashed,
             "its process ended with " + DescribeWaitStatus(wait_status) +

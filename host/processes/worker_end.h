@@ -21,6 +21,7 @@ struct WorkerCourse {
   bool done = false;                     // reported
   std::string error;                     // reported
   std::filesystem::path log;
+  std::int64_t log_begin = 0;   // bytes that workers before it had written to the log
   double patience_seconds = 0;  // of processor time without progress
   double idle_seconds = 0;      // of wall time asleep, if it was killed for that
   double grace_seconds = 0;     // after it was asked to end

@@ -121,6 +121,22 @@ TEST(WorkerEnd, AnExitInsideACallSaysInWhichCall) {
   std::filesystem::remove(log);
 }
 
+// The log goes on where the run does: what a crashed worker left there is not the next one's.
+TEST(WorkerEnd, AnswersForItsOwnPartOfTheLogAlone) {
+  const std::string log = testing::TempDir() + "worker_end_parts.log";
+  const std::string before = "last words\n\n*** in planner 'cem' Plan, decision 12\n";
+  std::ofstream(log) << before << kOwnMark << "interrupted at environment step 7\n";
+  WorkerCourse course;
+  course.log = log;
+  course.log_begin = static_cast<std::int64_t>(before.size());
+  course.asked = WorkerCourse::Asked::kStop;
+  ExpectEnd(EndOf(course, 75 << 8), results::RunStatus::kInterrupted, ExitCode::kInterrupted, "");
+  const WorkerEnd crashed = EndOf(course, SIGSEGV);
+  EXPECT_EQ(crashed.error.find("cem"), std::string::npos) << crashed.error;
+  EXPECT_EQ(crashed.error.find("last words"), std::string::npos) << crashed.error;
+  std::filesystem::remove(log);
+}
+
 TEST(WorkerEnd, WhatTheWorkerWroteItselfIsNotAPluginsLastLine) {
   const std::string log = testing::TempDir() + "worker_end_own.log";
   const std::string report = "\n*** in planner 'cem' Plan, decision 12\n";
