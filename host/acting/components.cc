@@ -39,7 +39,7 @@ T* FactoryResult(const Status& status, T* object, const char* kind, const std::s
 
 // What a call of a factory returns; a crash or a hang inside it is located there.
 template <typename Factory>
-Status Made(const char* kind, const std::string& name, Factory factory) {
+Status CallFactory(const char* kind, const std::string& name, Factory factory) {
   const CallScope scope({kind, name.c_str(), "factory"});
   return factory();
 }
@@ -191,7 +191,7 @@ EnvironmentPtr Components::MakeEnvironment() const {
   context.parameters = parameters.view();
   Environment* environment = nullptr;
   const std::string& name = spec_.environment.name();
-  const Status status = Made(
+  const Status status = CallFactory(
       "environment", name, [&] { return environment_->create_environment(context, &environment); });
   EnvironmentPtr made(FactoryResult(status, environment, "environment", name));
   CheckEnvironment(made->spec(), spec_.environment);
@@ -221,8 +221,8 @@ ModelPtr Components::MakeModel(const ResolvedComponent& component,
   context.environment = own_environment;
   context.trained_model = trained_model;
   Model* model = nullptr;
-  const Status status =
-      Made("model", component.name(), [&] { return descriptor.create_model(context, &model); });
+  const Status status = CallFactory("model", component.name(),
+                                    [&] { return descriptor.create_model(context, &model); });
   ModelPtr made(FactoryResult(status, model, "model", component.name()));
   CheckModel(*made, environment, component);
   CheckPromise<ReturnGradient>("model", component, kGivesGradients, "kGivesGradients", made.get());
@@ -251,8 +251,8 @@ PlannerPtr Components::MakePlanner(const ResolvedComponent& planner,
   context.action_size = model.action_size();
   context.latent_bytes = model.latent_bytes();
   Planner* made = nullptr;
-  const Status status =
-      Made("planner", planner.name(), [&] { return descriptor.create_planner(context, &made); });
+  const Status status = CallFactory("planner", planner.name(),
+                                    [&] { return descriptor.create_planner(context, &made); });
   PlannerPtr owned(FactoryResult(status, made, "planner", planner.name()));
   CheckPromise<PolicyReporting>("planner", planner, kReportsPolicy, "kReportsPolicy", made);
   return owned;

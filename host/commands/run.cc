@@ -291,8 +291,7 @@ int Train::Run(const Words& words) {
       std::cerr << "      " << ProgramPath("results") << " curves --db " << db
                 << " --out curves.svg\n";
     }
-    if (std::any_of(ended.begin(), ended.end(),
-                    [](const auto& of) { return of.second > 0 && results::HasFailed(of.first); })) {
+    if (std::any_of(result.statuses.begin(), result.statuses.end(), results::HasFailed)) {
       std::cerr << "      the same command with --retry, to try again what failed\n";
     }
   }
