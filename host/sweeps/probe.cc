@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <memory>
@@ -45,8 +44,8 @@ double SecondsOf(double seconds, Piece piece) {
   return elapsed / count;
 }
 
-// Does each piece of a run, with all that the run keeps beside it. Without `costs` each piece is
-// done as often as its memory needs it, and *memory_bytes is what that took.
+// Does each piece of a run, with all that the run keeps beside it; *memory_bytes is what that took.
+// Unless the costs are to be measured, each piece is done as often as its memory needs it.
 RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment* environment,
                   bool measured, double* memory_bytes) {
   const double patience = measured ? 1 : 0;
@@ -62,7 +61,7 @@ RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment
   step.last = true;
   const auto act = [&] {
     if (step.last) {
-      ThrowUnlessOk(environment->Reset(episode++, observed), "environment Reset");
+      ResetEnvironment(environment, spec.environment.name(), episode++, observed);
       step.last = false;
     }
     for (double& entry : action) entry = random.Uniform(-1, 1);
@@ -96,14 +95,14 @@ RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment
   const double affordable = std::max(1.0, moments / (3 * costs.training_decision));
   const double wanted = std::min(static_cast<double>(EpisodePlayers::kMost),
                                  static_cast<double>(spec.run.Integer("eval_episodes")));
-  const double together = std::floor(std::min(affordable, wanted));
+  const auto together = static_cast<std::size_t>(std::min(affordable, wanted));
   const auto before_players = static_cast<double>(ResidentBytes(::getpid()));
   std::vector<EnvironmentPtr> environments;
-  for (double i = 0; i < together; ++i) {
+  while (environments.size() < together) {
     environments.push_back(components.MakeEnvironment());
-    ThrowUnlessOk(environments.back()->Reset(0, observed), "environment Reset");
+    ResetEnvironment(environments.back().get(), spec.environment.name(), 0, observed);
   }
-  JointModel joint(model.get(), environments.size());
+  JointModel joint(model.get(), together);
   std::vector<EpisodePlayers::Parts> all_players;  // kept, as a run keeps them
   std::vector<std::unique_ptr<Agent>> all_agents;
   const auto evaluation_decision = [&](EpisodePlayers::Who who) {
@@ -142,9 +141,13 @@ RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment
     costs.actor_evaluation_decision = evaluation_decision(EpisodePlayers::Who::kActor);
   }
   const double a_player =
-      std::max(0.0, static_cast<double>(ResidentBytes(::getpid())) - before_players) / together;
-
-  *memory_bytes = static_cast<double>(PeakResidentBytes()) + (wanted - together) * a_player;
+      std::max(0.0, static_cast<double>(ResidentBytes(::getpid())) - before_players) /
+      static_cast<double>(together);
+  const auto memory = [&] {
+    return static_cast<double>(PeakResidentBytes()) +
+           (wanted - static_cast<double>(together)) * a_player;
+  };
+  *memory_bytes = memory();
   if (spec.evaluation) return costs;
 
   const std::uint64_t length = spec.run.Integer("sequence_length");
@@ -183,7 +186,7 @@ RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment
                     "model '" + spec.model.name() + "' Save");
     }));
   });
-  *memory_bytes = static_cast<double>(PeakResidentBytes()) + (wanted - together) * a_player;
+  *memory_bytes = memory();
   return costs;
 }
 
@@ -293,14 +296,14 @@ std::uint64_t MemoryOfRuns(const std::vector<RunSpec>& specs,
                            const ProcessOptions& options) {
   if (options.jobs != 0 || specs.size() < 2) return 0;
   const auto numbers = [&](std::size_t i) {
-    return tasks[i].observation_size + tasks[i].action_size;
+    return tasks.empty() ? 0 : tasks[i].observation_size + tasks[i].action_size;
   };
   std::map<std::string, std::size_t> largest;  // by all but the task
   for (std::size_t i = 0; i < specs.size(); ++i) {
     RunSpec alike = specs[i];
     if (!tasks.empty()) alike.environment = specs.front().environment;
-    const auto [entry, added] = largest.try_emplace(CanonicalJson(alike), i);
-    if (!added && !tasks.empty() && numbers(i) > numbers(entry->second)) entry->second = i;
+    const auto entry = largest.try_emplace(CanonicalJson(alike), i).first;
+    if (numbers(i) > numbers(entry->second)) entry->second = i;
   }
   double most = 0;
   for (const auto& [alike, i] : largest) {
