@@ -5,7 +5,8 @@ kill_cycles.py BIN_DIR [--cycles N] [--seed N]
 
 Each cycle gives the same command, waits until the run works and for a random moment more, and
 kills its worker, its supervisor, or both. At the end the run is finished undisturbed. Prints how
-long it took from a kill until the run worked again.
+long it took from a kill until the run worked again. The moments are shares of what an undisturbed
+run takes here, so that a fast machine is not done with the run before the last cycle.
 """
 import argparse
 import os
@@ -23,9 +24,10 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     programs = run.Programs(options.bin_dir)
-    # Long enough that it is not finished before the last cycle.
     words = run.training(steps=max(1000, 400 * options.cycles))
+    begin = time.time()
     expected = run.undisturbed(programs, words)
+    longest_wait = (time.time() - begin) / options.cycles
     faults = run.Faults()
     draw = random.Random(options.seed)
     waits, rolled_back, finished_early = [], 0, False
@@ -45,7 +47,7 @@ def main():
                 finished_early = process.wait() == 0
                 break
             waits.append(time.time() - begin)
-            time.sleep(draw.uniform(0, 0.25))
+            time.sleep(draw.uniform(0, longest_wait))
             victims = {0: [worker], 1: [process.pid], 2: [process.pid, worker]}[cycle % 3]
             for pid in victims:
                 try:
