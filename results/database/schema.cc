@@ -254,6 +254,14 @@ constexpr char kTriggers[] =
     REMAKE_BIN("OLD") "END;\n";
 
 constexpr char kViews[] = R"sql(
+-- What the plugins of a run call their versions. A built-in planner has none.
+CREATE VIEW v_versions AS
+SELECT r.run_id, ltrim(ifnull('environment ' || e.version, '') || ifnull(', model ' || m.version, '')
+                       || ifnull(', planner ' || p.version, ''), ', ') AS versions
+FROM run r LEFT JOIN plugin e ON e.plugin_id = r.env_plugin
+     LEFT JOIN plugin m ON m.plugin_id = r.model_plugin
+     LEFT JOIN plugin p ON p.plugin_id = r.planner_plugin;
+
 CREATE VIEW v_run AS
 SELECT r.run_id, substr(r.uuid, 1, 8) AS uuid, s.name AS study, t.name AS task, r.planner,
        r.model, r.preset, r.seed, r.action_repeat, r.status, r.env_steps_done,
@@ -264,8 +272,10 @@ SELECT r.run_id, substr(r.uuid, 1, 8) AS uuid, s.name AS study, t.name AS task, 
        (SELECT count(*) FROM segment g WHERE g.run_id = r.run_id) AS segments,
        (SELECT round(sum(u.seconds), 1) FROM time_use u WHERE u.run_id = r.run_id AND
         u.env_step = (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)) AS seconds,
-       r.exit_code, r.error, r.config_id, r.parent_run_id, r.created_utc, r.ended_utc
-FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id);
+       r.exit_code, r.error, r.config_id, r.parent_run_id, r.created_utc, r.ended_utc,
+       v.versions
+FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
+     JOIN v_versions v USING (run_id);
 
 -- Here and below, a run that trains: it has no parent and a budget of environment steps. The
 -- others are evaluations, of a trained run or of a planner on the true dynamics.
@@ -274,26 +284,26 @@ FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id);
 CREATE VIEW v_curve_run AS
 SELECT s.name AS study, t.name AS task, r.planner, b.phase, b.env_step_bin,
        b.sum_return / b.n AS mean, b.n AS episodes, r.seed, r.run_id, r.status,
-       b.env_step_bin * 10000 AS env_step, r.model, r.config_id, r.action_repeat
+       b.env_step_bin * 10000 AS env_step, r.model, r.config_id, r.action_repeat, v.versions
 FROM run r CROSS JOIN study s ON s.study_id = r.study_id CROSS JOIN task t ON t.task_id = r.task_id
-     CROSS JOIN curve_bin b ON b.run_id = r.run_id
+     CROSS JOIN v_versions v ON v.run_id = r.run_id CROSS JOIN curve_bin b ON b.run_id = r.run_id
 WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0 AND b.n > 0;
 
--- Seeds are averaged, other things never: runs that differ in model, configuration
--- or action repeat make rows of their own.
+-- Seeds are averaged, other things never: runs that differ in model, configuration, action
+-- repeat or versions of their plugins make rows of their own.
 CREATE VIEW v_curve AS
 SELECT study, task, planner, phase, env_step_bin, avg(mean) AS mean, min(mean) AS lo,
-       max(mean) AS hi, count(*) AS seeds, env_step, model, config_id, action_repeat
+       max(mean) AS hi, count(*) AS seeds, env_step, model, config_id, action_repeat, versions
 FROM v_curve_run
-GROUP BY study, task, planner, phase, env_step_bin, model, config_id, action_repeat;
+GROUP BY study, task, planner, phase, env_step_bin, model, config_id, action_repeat, versions;
 
 CREATE VIEW v_final AS
 SELECT s.name AS study, t.name AS task, r.planner, e.phase, r.seed, avg(e.episode_return) AS score,
        CASE WHEN t.return_high > t.return_low THEN
          (avg(e.episode_return) - t.return_low) / (t.return_high - t.return_low) END AS normalised,
        count(e.episode_return) AS episodes, r.run_id, r.status, r.model, r.config_id,
-       r.action_repeat
-FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
+       r.action_repeat, v.versions
+FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id) JOIN v_versions v USING (run_id)
      JOIN episode e ON e.run_id = r.run_id AND e.phase IN (1, 2)
                        AND 10 * e.env_step > 9 * r.env_steps_target
 WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0
@@ -304,12 +314,12 @@ CREATE VIEW v_time AS
 SELECT s.name AS study, t.name AS task, r.planner, u.activity, avg(u.seconds) AS seconds,
        sum(u.seconds) AS seconds_of_all_runs, count(*) AS runs, avg(u.env_step) AS env_steps,
        r.model, r.config_id, avg(u.processor_seconds) AS processor_seconds,
-       avg(u.gflop) / 3600 AS core_minutes
-FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id)
+       avg(u.gflop) / 3600 AS core_minutes, v.versions
+FROM run r JOIN study s USING (study_id) JOIN task t USING (task_id) JOIN v_versions v USING (run_id)
      JOIN time_use u ON u.run_id = r.run_id AND u.env_step =
        (SELECT max(env_step) FROM time_use WHERE run_id = r.run_id)
 WHERE r.parent_run_id IS NULL AND r.env_steps_target > 0
-GROUP BY s.name, t.name, r.planner, r.model, r.config_id, u.activity;
+GROUP BY s.name, t.name, r.planner, r.model, r.config_id, v.versions, u.activity;
 
 -- Every task, planner and seed that occurs in a study, with what became of it: for each
 -- configuration and action repeat of a planner on a task, or, where it has no run there, once.
@@ -333,7 +343,8 @@ FROM cell JOIN study s USING (study_id) JOIN task t USING (task_id)
 // Every view that a schema ever had; people may have made views of their own.
 constexpr char kDropViews[] =
     "DROP VIEW IF EXISTS v_run; DROP VIEW IF EXISTS v_curve; DROP VIEW IF EXISTS v_curve_run;"
-    " DROP VIEW IF EXISTS v_final; DROP VIEW IF EXISTS v_time; DROP VIEW IF EXISTS v_matrix;";
+    " DROP VIEW IF EXISTS v_final; DROP VIEW IF EXISTS v_time; DROP VIEW IF EXISTS v_matrix;"
+    " DROP VIEW IF EXISTS v_versions;";
 
 // A run that has ended has a digest of its record as well, so `tbl` may be 'run'.
 constexpr char kRecordDigests[] = R"sql(
@@ -371,6 +382,7 @@ const std::vector<std::string>& Migrations() {
       "",  // Evaluations without a parent left the views.
       "",  // v_matrix has a line for each configuration.
       kProcessorTime,
+      "",  // The views tell versions apart.
   };
   return migrations;
 }

@@ -74,6 +74,19 @@ TEST_F(ViewsTest, RunsOfOtherConfigurationsAreNotAveraged) {
   EXPECT_EQ(Rows("SELECT mean, seeds FROM v_curve ORDER BY mean"), (Lines{"1.0|1", "3.0|1"}));
 }
 
+TEST_F(ViewsTest, RunsOfOtherVersionsAreNotAveraged) {
+  AddRun({.seed = 0, .planner_version = "1.0.0"}, {{Phase::kTraining, 0, 1000, 1}});
+  AddRun({.seed = 1, .planner_version = "2.0.0"}, {{Phase::kTraining, 0, 1000, 3}});
+  AddRun({.seed = 2, .planner_version = "2.0.0", .planner_sha256 = "22"},  // built again
+         {{Phase::kTraining, 0, 1000, 5}});
+  EXPECT_EQ(
+      Rows("SELECT mean, seeds, versions FROM v_curve ORDER BY mean"),
+      (Lines{"1.0|1|environment 0.1.0, planner 1.0.0", "4.0|2|environment 0.1.0, planner 2.0.0"}));
+  EXPECT_EQ(Rows("SELECT runs, versions FROM v_time WHERE activity = 'learning' ORDER BY 1"),
+            (Lines{"1|environment 0.1.0, planner 1.0.0", "2|environment 0.1.0, planner 2.0.0"}));
+  EXPECT_EQ(Rows("SELECT count(DISTINCT versions) FROM v_run"), (Lines{"2"}));
+}
+
 TEST_F(ViewsTest, EvaluationsOfATrainedRunStayOutOfTheCurves) {
   const std::int64_t run = AddRun({}, {{Phase::kTraining, 0, 1000, 1}});
   AddRun({.parent_run_id = run}, {{Phase::kSearchEvaluation, 0, 1000, 99}});
