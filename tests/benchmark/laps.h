@@ -55,8 +55,8 @@ inline int RunBenchmarks(int argc, char** argv) {
   LibraryProducts(argv);
   std::string fastest;
   const double limit = MachineLimit(&fastest);
-  std::printf("instruction set %s; large product %.1f GFLOP/s (%s)\n",
-              InstructionSetName(ChosenInstructionSet()), limit * 1e-9, fastest.c_str());
+  std::fprintf(stderr, "instruction set %s; large product %.1f GFLOP/s (%s)\n",
+               InstructionSetName(ChosenInstructionSet()), limit * 1e-9, fastest.c_str());
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

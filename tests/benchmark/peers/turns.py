@@ -26,7 +26,7 @@ def serve(prepare):
         facts, cases = prepare()
         for function, _ in cases.values():
             function()  # compiles, allocates
-    except Exception as error:  # whatever a library that does not fit here raises
+    except (Exception, SystemExit) as error:  # whatever a library that does not fit here raises
         answer({"error": f"{type(error).__name__}: {error}".splitlines()[0]})
         raise SystemExit(1) from error
     answer({"facts": facts})

@@ -1,10 +1,12 @@
 // golden_promises.h - what a learned model's updates promise about PyTorch's.
 //
-// A Model has kFolder, below tests/plugins, CompareUpdates<T>(case name, tolerance) and
-// DrawResidual(a case's input). One file of a test program instantiates them:
+// A Model has kFolder, below tests/plugins, CompareUpdates<T>(case name, tolerance),
+// DrawResidual(a case's input) and DeclaredSettings(), by name, without those that its golden.py
+// need not know. One file of a test program instantiates them:
 //   INSTANTIATE_TYPED_TEST_SUITE_P(Tdmpc, GoldenPromises, TdmpcUpdates);
 #pragma once
 
+#include <set>
 #include <string>
 
 #include "tests/plugins/networks/golden_tools.h"
@@ -19,6 +21,19 @@ class GoldenPromises : public testing::Test {
   }
 };
 TYPED_TEST_SUITE_P(GoldenPromises);
+
+// A parameter that was declared since would be one that golden.py does not know.
+TYPED_TEST_P(GoldenPromises, CasesHaveTheDeclaredSettings) {
+  const auto names = [](const Json& settings) {
+    std::set<std::string> found;
+    for (const auto& [name, value] : settings.items()) found.insert(name);
+    return found;
+  };
+  for (const char* name : kGoldenCases) {
+    const Json input = ReadJson(TypeParam::kFolder, std::string(name) + "_input.json");
+    EXPECT_EQ(names(input.at("settings")), names(TypeParam::DeclaredSettings())) << name;
+  }
+}
 
 // Six ulp of a draw between 4 and 8.
 TYPED_TEST_P(GoldenPromises, DrawsAreTheLearners) {
@@ -36,7 +51,7 @@ TYPED_TEST_P(GoldenPromises, UpdatesInDoubleAgreeWithTorchToOneInABillion) {
   }
 }
 
-REGISTER_TYPED_TEST_SUITE_P(GoldenPromises, DrawsAreTheLearners,
+REGISTER_TYPED_TEST_SUITE_P(GoldenPromises, CasesHaveTheDeclaredSettings, DrawsAreTheLearners,
                             UpdatesInFloatAgreeWithTorchToOneInAHundredThousand,
                             UpdatesInDoubleAgreeWithTorchToOneInABillion);
 

@@ -1,6 +1,7 @@
 // golden_data.h - what the golden test and the writer of its input share.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "plugins/model_dreamer/learner.h"
@@ -12,6 +13,11 @@ namespace dreamsearch::dreamer {
 inline constexpr std::uint64_t kPosteriorStream = 1;
 inline constexpr std::uint64_t kLatentStream = 3;
 inline constexpr std::uint64_t kActionStream = 4;
+
+// What golden.py need not know: the weights are given, and one critic is trained.
+inline const std::vector<std::string> kNeutral = {
+    "zero_heads",         "acting_latent", "imagined_latent", "precision",
+    "planning_precision", "critics",       "value_in_dreams"};
 
 // A declared parameter that `values` does not name has its value of the preset
 // paper, under which every addition to the method is off. Throws on a name that is

@@ -146,6 +146,9 @@ struct DreamerUpdates {
     dreamer::CompareUpdates<T>(name, tolerance);
   }
   static double DrawResidual(const Json& input) { return dreamer::DrawResidual(input); }
+  static Json DeclaredSettings() {
+    return networks::ResolvedSettings(DeclaredParameters(), "fast", kNeutral, Json::object());
+  }
 };
 
 }  // namespace

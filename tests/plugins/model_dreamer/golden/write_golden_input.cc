@@ -77,10 +77,6 @@ GoldenCase CaseOf(const std::string& name) {
           kLength};
 }
 
-// The weights are given.
-const std::vector<std::string> kNeutral = {"zero_heads", "acting_latent", "imagined_latent",
-                                           "precision", "planning_precision"};
-
 Json ResolvedSettings(const GoldenCase& golden) {
   return networks::ResolvedSettings(DeclaredParameters(), golden.preset, kNeutral, golden.changes);
 }

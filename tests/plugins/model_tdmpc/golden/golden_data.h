@@ -1,6 +1,7 @@
 // golden_data.h - what the golden test and the writer of its input share.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "plugins/model_tdmpc/learner.h"
@@ -11,6 +12,9 @@ namespace dreamsearch::tdmpc {
 // The streams of an update's seed that learner.cc draws its noise from.
 inline constexpr std::uint64_t kTargetStream = 1;
 inline constexpr std::uint64_t kActorStream = 2;
+
+// What golden.py need not know: the weights are given.
+inline const std::vector<std::string> kNeutral = {"precision", "planning_precision"};
 
 inline Settings SettingsFromJson(const Json& values) {
   const std::vector<ParameterValue> resolved =

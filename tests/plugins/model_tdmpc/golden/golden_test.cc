@@ -102,6 +102,9 @@ struct TdmpcUpdates {
     tdmpc::CompareUpdates<T>(name, tolerance);
   }
   static double DrawResidual(const Json& input) { return tdmpc::DrawResidual(input); }
+  static Json DeclaredSettings() {
+    return networks::ResolvedSettings(DeclaredParameters(), "fast", kNeutral, Json::object());
+  }
 };
 
 }  // namespace

@@ -14,9 +14,6 @@ namespace {
 
 constexpr std::uint64_t kLength = 4;
 
-// The weights are given.
-const std::vector<std::string> kNeutral = {"precision", "planning_precision"};
-
 GoldenCase CaseOf(const std::string& name) {
   const Json small = {{"simplices", 1}, {"encoder_width", 5}, {"width", 6}, {"bins", 21}};
   if (name == "paper") {
