@@ -23,6 +23,7 @@
 #include "results/system/child.h"
 #include "results/system/file.h"
 #include "results/system/file_descriptor.h"
+#include "results/system/machine_fault.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
 #include "results/text/json_text.h"
@@ -36,27 +37,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::string_view kDoneToken = "\ndone\n";
 
 // --- the parent's side -------------------------------------------------------
-
-[[noreturn]] void ThrowSystem(const std::string& what, int error) {
-  throw Failure(ExitCode::kInternal, what + ": " + std::strerror(error));
-}
-
-struct Pipe {
-  FileDescriptor read;
-  FileDescriptor write;
-};
-
-Pipe MakePipe() {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) ThrowSystem("cannot make a pipe", errno);
-  Pipe low{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
-  // Above the numbers the child's own descriptors are put on.
-  Pipe high{FileDescriptor(::fcntl(ends[0], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1)),
-            FileDescriptor(::fcntl(ends[1], F_DUPFD_CLOEXEC, kDescribeDescriptor + 1))};
-  if (high.read.get() < 0 || high.write.get() < 0) ThrowSystem("cannot make a pipe", errno);
-  ::fcntl(high.read.get(), F_SETFL, O_NONBLOCK);
-  return high;
-}
 
 // Starts the describing program on one file. Whatever the library prints does
 // not reach our output, and one that reads finds the end of its input.
@@ -91,7 +71,7 @@ pid_t Spawn(const std::string& file, const ScanOptions& options, int description
       ::posix_spawn(&child, options.program.c_str(), &actions, &attributes, argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
-  if (failure != 0) ThrowSystem("cannot start " + options.program, failure);
+  if (failure != 0) throw SystemFailure("start " + options.program, failure);
   return child;
 }
 

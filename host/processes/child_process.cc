@@ -17,32 +17,14 @@
 
 #include "host/processes/stop_signals.h"
 #include "results/system/child.h"
-#include "results/system/error.h"
+#include "results/system/machine_fault.h"
 
 namespace dreamsearch {
-namespace {
-
-// Memory, processes or descriptors that have run out are no defect of ours.
-[[noreturn]] void ThrowErrno(const char* what, int error) {
-  const bool scarce = error == EAGAIN || error == ENOMEM || error == EMFILE || error == ENFILE;
-  throw Failure(scarce ? ExitCode::kInputOutput : ExitCode::kInternal,
-                std::string("cannot ") + what + ": " + std::strerror(error));
-}
-
-}  // namespace
-
-Pipe MakePipe() {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) ThrowErrno("make a pipe", errno);
-  Pipe made{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
-  ::fcntl(made.read.get(), F_SETFL, O_NONBLOCK);
-  return made;
-}
 
 FileDescriptor MemoryFile(const std::string& text) {
   FileDescriptor file(::memfd_create("dreamsearch", MFD_CLOEXEC));
-  if (file.get() < 0) ThrowErrno("make a memory file", errno);
-  if (!WriteAll(file.get(), text)) ThrowErrno("write a memory file", errno);
+  if (file.get() < 0) throw SystemFailure("make a memory file", errno);
+  if (!WriteAll(file.get(), text)) throw SystemFailure("write a memory file", errno);
   ::lseek(file.get(), 0, SEEK_SET);
   return file;
 }
@@ -92,7 +74,7 @@ pid_t StartChild(const ChildSpec& spec) {
       ::posix_spawn(&pid, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   posix_spawnattr_destroy(&attributes);
-  if (error != 0) ThrowErrno("start a worker process", error);
+  if (error != 0) throw SystemFailure("start a worker process", error);
   return pid;
 }
 

@@ -14,12 +14,6 @@
 
 namespace dreamsearch {
 
-struct Pipe {
-  FileDescriptor read;   // non-blocking
-  FileDescriptor write;  // blocking
-};
-Pipe MakePipe();
-
 // A file that lives in memory only, holding `text`, read from its beginning.
 FileDescriptor MemoryFile(const std::string& text);
 

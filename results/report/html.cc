@@ -22,10 +22,6 @@ std::string HtmlCell(const Cell& cell) {
   return "<td></td>";
 }
 
-bool IsNumber(const Cell& cell) {
-  return std::holds_alternative<std::int64_t>(cell) || std::holds_alternative<double>(cell);
-}
-
 std::string HtmlLines(const std::string& text) {
   std::istringstream lines(text);
   std::string html, line;

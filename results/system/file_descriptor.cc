@@ -1,18 +1,31 @@
 #include "results/system/file_descriptor.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 
-#include "results/system/error.h"
+#include "results/system/machine_fault.h"
 
 namespace dreamsearch {
 
 void FileDescriptor::Close() {
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;
+}
+
+Pipe MakePipe() {
+  constexpr int kLeast = 10;
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) throw SystemFailure("make a pipe", errno);
+  const Pipe low{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
+  Pipe high{FileDescriptor(::fcntl(ends[0], F_DUPFD_CLOEXEC, kLeast)),
+            FileDescriptor(::fcntl(ends[1], F_DUPFD_CLOEXEC, kLeast))};
+  if (high.read.get() < 0 || high.write.get() < 0) throw SystemFailure("make a pipe", errno);
+  ::fcntl(high.read.get(), F_SETFL, O_NONBLOCK);
+  return high;
 }
 
 std::string ReadAll(int fd) {

@@ -31,6 +31,14 @@ class FileDescriptor {
   int fd_;
 };
 
+// Both ends have numbers of 10 and more, above those at which a child expects what it is handed.
+struct Pipe {
+  FileDescriptor read;   // non-blocking
+  FileDescriptor write;  // blocking
+};
+// As SystemFailure says.
+Pipe MakePipe();
+
 // Reads a descriptor to its end. Throws Failure 74.
 std::string ReadAll(int fd);
 

@@ -15,10 +15,6 @@
 namespace dreamsearch::results {
 namespace {
 
-bool IsNumber(const Cell& cell) {
-  return std::holds_alternative<std::int64_t>(cell) || std::holds_alternative<double>(cell);
-}
-
 std::string ExactCell(const Cell& cell) {
   if (const auto* whole = std::get_if<std::int64_t>(&cell)) return std::to_string(*whole);
   if (const auto* real = std::get_if<double>(&cell)) {
@@ -59,6 +55,10 @@ std::string MarkdownCell(const Cell& cell) {
 }
 
 }  // namespace
+
+bool IsNumber(const Cell& cell) {
+  return std::holds_alternative<std::int64_t>(cell) || std::holds_alternative<double>(cell);
+}
 
 void CheckNamesDiffer(const std::vector<std::string>& columns) {
   std::set<std::string> names;

@@ -14,6 +14,8 @@ namespace dreamsearch::results {
 // nothing.
 using Cell = std::variant<std::monostate, std::int64_t, double, std::string>;
 
+bool IsNumber(const Cell& cell);
+
 enum class TableForm { kText, kMarkdown, kCsv, kJson };
 
 struct Table {
