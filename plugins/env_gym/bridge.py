@@ -28,9 +28,11 @@ import importlib.util
 import json
 import os
 import platform
+import select
 import signal
 import struct
 import sys
+import time
 import traceback
 
 REQUESTS, ANSWERS = 3, 4
@@ -355,14 +357,31 @@ class Bridge:
             return b"e" + f"{type(error).__name__}: {error}".encode()
 
 
-def read(count):
-    data = bytearray()
-    while len(data) < count:
-        part = os.read(REQUESTS, count - len(data))
-        if not part:
-            sys.exit(0)  # the run has ended
-        data += part
-    return bytes(data)
+class Requests:
+    """What comes in, a frame at a time."""
+
+    LOOKING = 100e-6  # seconds to look for a request before sleeping, as python_process.cc does
+
+    def __init__(self):
+        self.came = bytearray()
+        self.poll = select.poll()
+        self.poll.register(REQUESTS, select.POLLIN)
+
+    def read(self, count):
+        while len(self.came) < count:
+            part = os.read(REQUESTS, 65536)
+            if not part:
+                sys.exit(0)  # the run has ended
+            self.came += part
+        data = bytes(self.came[:count])
+        del self.came[:count]
+        return data
+
+    def next(self):
+        end = time.perf_counter() + self.LOOKING
+        while not self.poll.poll(0) and time.perf_counter() < end:
+            os.sched_yield()
+        return self.read(struct.unpack("=I", self.read(4))[0])
 
 
 def end_with_the_run():
@@ -376,8 +395,9 @@ def end_with_the_run():
 def main():
     end_with_the_run()
     bridge = Bridge()
+    requests = Requests()
     while True:
-        answer = bridge.answer(read(struct.unpack("=I", read(4))[0]))
+        answer = bridge.answer(requests.next())
         frame = struct.pack("=I", len(answer)) + answer
         while frame:
             frame = frame[os.write(ANSWERS, frame):]
