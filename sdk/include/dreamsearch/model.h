@@ -18,7 +18,7 @@
 // Threads  one thread drives an instance at a time; instances share nothing. A model
 //          may use threads of its own inside a call, see SetThreads.
 // Errors   every call returns a Status and lets no exception out. A model that
-//          finds a latent of its own not finite returns kNotFinite. Laws M1-M13: sdk/README.md.
+//          finds a latent of its own not finite returns kNotFinite. Laws M1-M14: sdk/README.md.
 #pragma once
 
 #include <cstdint>
