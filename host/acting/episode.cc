@@ -196,7 +196,9 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
     const Decision decision =
         agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
     if (course.decided) course.decided(index, t, decision, *agent);
-    held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
+    parts_.model->Apart(seat, [&] {
+      held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
+    });
     if (course.arrived) course.arrived(index, t + 1, environment, &held);
     if (!held.diverged.empty()) {
       if (course.diverged) course.diverged(index, t, held.diverged);

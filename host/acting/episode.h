@@ -6,9 +6,9 @@
 // Episodes are played side by side: each has an environment, a planner and an agent of
 // its own, and what they ask the model goes to it together (joint_model.h), so that the
 // actor alone costs three requests a decision for all of them, and with a search the
-// leaves of all trees go in one. An episode's bits do not depend on what is played
-// beside it. Its times are its share: its own, and of every joint request an equal part
-// with those who asked.
+// leaves of all trees go in one; slow environments step at once, on the threads that there
+// are. An episode's bits do not depend on what is played beside it. Its times are its share:
+// its own, and of every joint request an equal part with those who asked.
 #pragma once
 
 #include <cstdint>

@@ -315,7 +315,7 @@ void Experiment::AdjustThreads() {
   if (options_.threads == nullptr) return;
   const std::uint32_t threads = std::max(1u, options_.threads->load(std::memory_order_relaxed));
   if (threads == threads_) return;
-  model_->SetThreads(threads);
+  joint_model_->SetThreads(threads);
   threads_ = threads;
 }
 
