@@ -196,9 +196,12 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
     const Decision decision =
         agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
     if (course.decided) course.decided(index, t, decision, *agent);
-    parts_.model->Apart(seat, [&] {
-      held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
-    });
+    {
+      const CallScope scope({"environment", name.c_str(), "Step"});
+      parts_.model->Apart(seat, [&] {
+        held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
+      });
+    }
     if (course.arrived) course.arrived(index, t + 1, environment, &held);
     if (!held.diverged.empty()) {
       if (course.diverged) course.diverged(index, t, held.diverged);

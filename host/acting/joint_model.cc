@@ -74,6 +74,7 @@ struct JointModel::PendingCall {
   MatrixView<double> proposed;  // kProposeMode, kProposeSamples
   ApartCall work = nullptr;     // kApart, as `context`
   void* context = nullptr;
+  CallSite site;  // kApart: where whoever asks is
 
   std::uint64_t rows() const { return latents.rows; }
   std::uint64_t samples() const { return rows() == 0 ? 0 : proposed.rows / rows(); }
@@ -294,6 +295,7 @@ void JointModel::AskApart(std::size_t i, ApartCall call, void* context) {
   pending.kind = PendingCall::Kind::kApart;
   pending.work = call;
   pending.context = context;
+  pending.site = call_site;
   static_cast<void>(seats_[i]->Put(pending));  // work says itself how it ended
 }
 
@@ -313,6 +315,8 @@ void JointModel::WorkApart() {
     }
   };
   {
+    // One that hangs may be on another thread: this one, which waits, says where.
+    const CallScope scope(seats_[asking_.front()]->asked->site);
     std::vector<std::jthread> others;
     const std::size_t most = std::min<std::size_t>(threads_, asking_.size());
     while (apart_seconds_ > kWorthThreads && others.size() + 1 < most) {
