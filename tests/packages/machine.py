@@ -7,7 +7,13 @@ import pathlib
 import subprocess
 
 SCRIPT = """
+if [ -n "$SHOWN" ]; then
+  kept=$(mktemp -d) && mount --bind "$SHOWN" "$kept" || exit 125
+fi
 if [ -n "$HIDDEN" ]; then mount -t tmpfs -o mode=755 hidden "$HIDDEN" || exit 125; fi
+if [ -n "$SHOWN" ]; then
+  mkdir -p "$SHOWN" && mount --move "$kept" "$SHOWN" && rmdir "$kept" || exit 125
+fi
 if [ -n "$ROOT" ]; then
   mount -t proc proc "$ROOT/proc" && mount --rbind /dev "$ROOT/dev" || exit 125
   exec chroot "$ROOT" /bin/sh -c 'cd "$0" && exec "$@"' "$CWD" "$@"
@@ -17,10 +23,11 @@ cd "$CWD" && exec "$@"
 
 
 class Machine:
-    """`hidden` is an empty folder to whatever is called; `root` is its root folder, if not None."""
+    """`hidden` is to whatever is called a folder with nothing in it but `shown`, a folder below it;
+    `root` is its root folder. Each may be None."""
 
-    def __init__(self, hidden=None, root=None, environment=None):
-        self.hidden, self.root = hidden, root
+    def __init__(self, hidden=None, shown=None, root=None, environment=None):
+        self.hidden, self.shown, self.root = hidden, shown, root
         self.environment = {"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
                             "HOME": "/root", "LANG": "C.UTF-8", "DEBIAN_FRONTEND": "noninteractive",
                             **(environment or {})}
@@ -37,7 +44,7 @@ class Machine:
 
     def start(self, words, cwd):
         environment = {**self.environment, "HIDDEN": str(self.hidden or ""),
-                       "ROOT": str(self.root or ""), "CWD": str(cwd)}
+                       "SHOWN": str(self.shown or ""), "ROOT": str(self.root or ""), "CWD": str(cwd)}
         return subprocess.run([*self.unshare, "sh", "-c", SCRIPT, "sh", *map(str, words)],
                               env=environment, cwd="/", capture_output=True, text=True)
 

@@ -240,7 +240,7 @@ TRIALS = {"deb": try_deb, "tarball": try_tarball, "wheel": try_wheel}
 
 def main():
     packages = pathlib.Path(sys.argv[1]).resolve()
-    host = Machine(hidden=SOURCE)
+    host = Machine(hidden=SOURCE, shown=packages if SOURCE in packages.parents else None)
     skipped = False
     carry_the_same_plugins(packages)
     for name in sys.argv[2:] or TRIALS:
