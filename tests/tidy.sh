@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 experiments/install_packages.sh --tests
-# With an entry for each file, not for each room.
+# With an entry for each file.
 cmake --preset debug -B build/tidy -DDREAMSEARCH_JOINT_UNITS=OFF >/dev/null
 if [[ $# -eq 0 ]]; then set -- /sdk/ /host/ /results/ /plugins/ /tests/; fi
 cmake --build build/tidy --target dreamsearch_build_info >/dev/null
