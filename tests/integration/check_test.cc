@@ -8,6 +8,8 @@
 namespace dreamsearch {
 namespace {
 
+constexpr char kFaultyPlugin[] = DREAMSEARCH_FAULTY_PLUGIN_DIR "/faulty.so";
+
 TEST(CheckCommand, AGoodComponentKeepsEveryLawAndExitsWithZero) {
   const Workplace place;
   const ProgramResult result = place.Runner({"check", "planner/random"});
@@ -23,11 +25,10 @@ TEST(CheckCommand, AGoodComponentKeepsEveryLawAndExitsWithZero) {
 
 TEST(CheckCommand, ABrokenLawIsNamedWithWhatWasFoundAndWhatToDo) {
   const Workplace place;
-  const std::string file = DREAMSEARCH_FAULTY_PLUGIN_DIR "/faulty.so";
   const ProgramResult result = place.Runner(
       {"check", "outside_action", "--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR, "--law", "P3"});
   EXPECT_EQ(result.exit_status, 78) << result.err;
-  for (const char* said : {"P3    BROKEN", "expected", "found", "to do", file.c_str()}) {
+  for (const char* said : {"P3    BROKEN", "expected", "found", "to do", kFaultyPlugin}) {
     EXPECT_NE(result.out.find(said), std::string::npos) << said << '\n' << result.out;
   }
 }
@@ -47,9 +48,8 @@ TEST(CheckCommand, AFaultThatManyCasesShareIsPrintedOnce) {
 
 TEST(CheckCommand, ACrashIsLocatedAndTheOtherComponentsAreChecked) {
   const Workplace place;
-  const ProgramResult result =
-      place.Runner({"check", DREAMSEARCH_FAULTY_PLUGIN_DIR "/faulty.so", "--level", "make",
-                    "--json", "--case-limit", "2", "--memory-limit", "100M"});
+  const ProgramResult result = place.Runner({"check", kFaultyPlugin, "--level", "make", "--json",
+                                             "--case-limit", "2", "--memory-limit", "100M"});
   const auto json = nlohmann::json::parse(result.out);
   EXPECT_EQ(result.exit_status, json.at("exit_status")) << result.err;
   std::string segfault, null;

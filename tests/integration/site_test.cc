@@ -303,7 +303,7 @@ TEST(Scratch, ServesWhateverGoesOnWithRunsToo) {
             (std::vector<std::string>(3, "finished")));
 
   const Workplace plain;
-  for (std::vector<std::string> words :
+  for (const std::vector<std::string>& words :
        {Short("m.db", {"--keep-replay"}),
         {"eval", "1", "--planner", "random", "--episodes", "2", "--db", "m.db"},
         {"extend", "1", "--steps", "6000", "--db", "m.db"}}) {

@@ -556,7 +556,7 @@ TEST(EpisodePlayers, AnEpisodeBrokenOffLeavesTheOthersAsTheyAre) {
       return turn == 1 || index != 2 || t < 3;
     };
     course.ended = [&](std::uint64_t index, const results::EpisodeRow& row) { rows[index] = row; };
-    course.failed = [](std::uint64_t, std::exception_ptr) { ADD_FAILURE(); };
+    course.failed = [](std::uint64_t, const std::exception_ptr&) { ADD_FAILURE(); };
     players.Play(course, 0);
     EXPECT_EQ(rows.count(2), turn == 1 ? 1u : 0u);
     for (const auto& [index, row] : rows) EXPECT_EQ(row.digest, whole.rows.at(index).digest);

@@ -181,7 +181,7 @@ TEST_F(CheckpointTest, WhatIsNoCheckpointIsRefused) {
             std::string::npos);
   EXPECT_NE(Refusal([&] { Checkpoint{folder_}; }).find("no regular file"), std::string::npos);
   try {
-    Checkpoint(folder_ / "absent");
+    const Checkpoint absent(folder_ / "absent");
     ADD_FAILURE();
   } catch (const Failure& error) {
     EXPECT_EQ(error.code(), ExitCode::kNotFound);

@@ -27,9 +27,9 @@ class QueryTest : public testing::Test {
 };
 
 TEST_F(QueryTest, ReadsTablesViewsFunctionsAndJson) {
-  EXPECT_NE(Csv("SELECT count(*) AS n FROM run JOIN v_run USING (run_id)").find("1"),
+  EXPECT_NE(Csv("SELECT count(*) AS n FROM run JOIN v_run USING (run_id)").find('1'),
             std::string::npos);
-  EXPECT_NE(Csv("SELECT value FROM json_each('[5]')").find("5"), std::string::npos);
+  EXPECT_NE(Csv("SELECT value FROM json_each('[5]')").find('5'), std::string::npos);
   EXPECT_NE(Csv("SELECT j.key AS key FROM config c, json_each(c.json) j").find("key"),
             std::string::npos);
   EXPECT_NE(Csv("/* a comment */ WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n"
@@ -48,7 +48,7 @@ TEST_F(QueryTest, ChangesNothing) {
     // Nor does a refused query leave anything behind that lets the next one through.
     Csv("SELECT value FROM json_each('[5]')");
   }
-  EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find("1"), std::string::npos);
+  EXPECT_NE(Csv("SELECT count(*) AS n FROM run WHERE seed <> 9").find('1'), std::string::npos);
 }
 
 TEST_F(QueryTest, MakesNoFile) {

@@ -48,8 +48,8 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
   run.build_id = db->Build({.version = "0.0.0", .compiler = "none", .libraries = "{}"});
   const std::int64_t run_id = db->CreateRun(run).run_id;
 
-  const auto stream = static_cast<std::uint64_t>((task * 10 + planner) * 1000 + seed);
-  Random random(DeriveSeed(1, stream));
+  const int stream = (task * 10 + planner) * 1000 + seed;
+  Random random(DeriveSeed(1, static_cast<std::uint64_t>(stream)));
   const bool crashes = (task * 7 + planner * 3 + seed) % 40 == 7;
   const std::int64_t done = crashes ? steps * 6 / 10 / 1000 * 1000 : steps;
   const double level = 150 + 40.0 * task + 30 * planner + 25 * random.Normal();
@@ -132,12 +132,7 @@ void WriteRun(Database* db, int task, int planner, int seed, std::int64_t steps,
   }
 }
 
-}  // namespace
-}  // namespace dreamsearch::results
-
-int main(int argc, char** argv) {
-  using namespace dreamsearch;
-  using namespace dreamsearch::results;
+int Main(int argc, char** argv) {
   if (argc < 6) {
     std::fprintf(stderr, "usage: synthetic_database FILE TASKS PLANNERS SEEDS STEPS [decisions]\n");
     return static_cast<int>(ExitCode::kUsage);
@@ -159,3 +154,8 @@ int main(int argc, char** argv) {
   }
   return 0;
 }
+
+}  // namespace
+}  // namespace dreamsearch::results
+
+int main(int argc, char** argv) { return dreamsearch::results::Main(argc, argv); }
