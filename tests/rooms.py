@@ -2,8 +2,9 @@
 """The rooms of host and results: an include may reach its own room and those below.
 
 rooms.py ROOT prints every include that climbs, every room with more than 20 files, every
-file of a room that is spelled otherwise than from the root, and every folder of tests that
-no room has, and fails if there is one.
+file of a room that is spelled otherwise than from the root, every folder of tests that no room
+has, and every file of over 400 lines whose first comment does not say why, and fails if there is
+one.
 """
 import pathlib
 import re
@@ -15,6 +16,21 @@ ROOMS = {
     "host": ["plugins", "settings", "saving", "acting", "training", "processes", "films", "sweeps", "clusters", "flags", "commands", ""],
 }
 MOST_FILES = 20
+MOST_LINES = 400
+
+
+def long_files(root):
+    for top in ("host", "results", "sdk", "plugins", "tests"):
+        for path in sorted(p for p in (root / top).rglob("*") if p.suffix in (".h", ".cc", ".py")):
+            text = path.read_text()
+            lines = text.count("\n")
+            # The first comment ends where code begins.
+            first = re.split("^(?:#include|#pragma|import |from )", text, maxsplit=1,
+                             flags=re.MULTILINE)[0]
+            words = " ".join(first.replace("//", " ").lower().split())
+            if lines > MOST_LINES and f"over {MOST_LINES} lines" not in words:
+                yield (f"{path.relative_to(root)}: {lines} lines, and its first comment does not "
+                       f"say why it has over {MOST_LINES}")
 
 
 def faults(root):
@@ -50,7 +66,7 @@ def faults(root):
 
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
-    found = list(faults(root))
+    found = [*faults(root), *long_files(root)]
     print("\n".join(found) if found else "every include stays in its room or goes down")
     return 1 if found else 0
 

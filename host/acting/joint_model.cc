@@ -1,3 +1,4 @@
+// Over 400 lines: every call of a model is put, joined and handed back, one after the other.
 #include "host/acting/joint_model.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// supervisor.cc - the loop of a sweep. One class, longer than others: its parts (starting,
-// sharing cores, watching, recording) all work on the one table of active runs.
+// supervisor.cc - the loop of a sweep. Over 400 lines: one class, whose parts (starting, sharing
+// cores, watching, recording) all work on the one table of active runs.
 #include "host/processes/supervisor.h"
 
 #include <fcntl.h>

@@ -16,7 +16,8 @@ here. Numbers are native doubles, texts are UTF-8, a spec and settings are JSON.
 A spec's `made_of` says what plays beside the settings: interpreter, packages and the files of a
 module that is no package of theirs, each with its version or SHA-256.
 
-What the environment prints goes to the run's log.
+What the environment prints goes to the run's log. Over 400 lines: the interpreter is handed this
+program as one text and finds no module beside it.
 """
 
 import contextlib

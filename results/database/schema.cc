@@ -1,3 +1,4 @@
+// Over 400 lines: the tables, triggers and views, which are SQL, in the order of their versions.
 #include "results/database/schema.h"
 
 namespace dreamsearch::results {

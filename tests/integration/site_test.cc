@@ -1,5 +1,6 @@
 // What a site forbids or does - no locks, no temporary folder, no home, a quota, clocks that
 // differ, a disk that nodes share - gives a sentence and the right exit code, and costs no row.
+// Over 400 lines: the sites that most of them share are made here.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
