@@ -169,6 +169,27 @@ void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* mod
   });
 }
 
+void CopyModel(const Model& from, const std::string& name, Model* to) {
+  std::string bytes;
+  StateWriter writer([&](std::string_view more) { bytes += more; });
+  {
+    const CallScope scope({"model", name.c_str(), "Save"});
+    ThrowUnlessOk(writer.Stream(kModelState, [&](ByteSink* sink) { return from.Save(sink); }),
+                  "model '" + name + "' Save");
+  }
+  writer.Flush();
+  std::size_t read = 0;
+  StateReader reader(
+      [&](void* data, std::uint64_t size) {
+        std::memcpy(data, bytes.data() + read, size);
+        read += size;
+      },
+      bytes.size(), "model '" + name + "'", "");
+  const CallScope scope({"model", name.c_str(), "Load"});
+  ThrowUnlessOk(reader.Stream(kModelState, [&](ByteSource* source) { return to->Load(source); }),
+                "model '" + name + "' Load");
+}
+
 std::string ModelSha256(const Checkpoint& checkpoint) {
   return checkpoint.StreamSha256(kModelPart, kModelState);
 }

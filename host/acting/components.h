@@ -37,6 +37,8 @@ void ThrowUnlessOk(const Status& status, const std::string& what);
 inline constexpr PartName kModelPart{"model", 1};
 void SaveModel(const Model& model, const std::string& name, CheckpointWriter* writer);
 void LoadModel(const Checkpoint& checkpoint, const std::string& name, Model* model);
+// Brings a model of the same kind to the state of another.
+void CopyModel(const Model& from, const std::string& name, Model* to);
 // SHA-256 of what the model's Save wrote into the checkpoint.
 std::string ModelSha256(const Checkpoint& checkpoint);
 

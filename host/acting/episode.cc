@@ -126,7 +126,7 @@ EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {
     Agent::Parts agent = parts_.agent;
     agent.model = parts_.model->seat(seat);
     agent.planner = parts_.planners[seat].get();
-    agent.environment = (*parts_.environments)[seat].get();
+    agent.environment = parts_.environments[seat].get();
     agent.run_seed = parts_.run_seed;
     agent.clock = [model = parts_.model, seat] { return model->Seconds(seat); };
     agents_.push_back(std::make_unique<Agent>(agent));
@@ -135,7 +135,7 @@ EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {
 
 EpisodePlayers::Parts EpisodePlayers::PartsOf(const RunSpec& spec, const Components& components,
                                               Who who, JointModel* model,
-                                              const std::vector<EnvironmentPtr>* environments) {
+                                              std::span<const EnvironmentPtr> environments) {
   Parts parts;
   parts.model = model;
   parts.environments = environments;
@@ -176,7 +176,7 @@ void EpisodePlayers::Play(const EpisodeCourse& course, std::uint64_t env_step) {
 
 bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const EpisodeCourse& course,
                              std::uint64_t env_step, results::EpisodeRow* row) {
-  Environment* environment = (*parts_.environments)[seat].get();
+  Environment* environment = parts_.environments[seat].get();
   Agent* agent = agents_[seat].get();
   const std::string& name = parts_.environment_name;
   const auto seed = static_cast<std::uint32_t>(
@@ -196,12 +196,7 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
     const Decision decision =
         agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
     if (course.decided) course.decided(index, t, decision, *agent);
-    {
-      const CallScope scope({"environment", name.c_str(), "Step"});
-      parts_.model->Apart(seat, [&] {
-        held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
-      });
-    }
+    held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
     if (course.arrived) course.arrived(index, t + 1, environment, &held);
     if (!held.diverged.empty()) {
       if (course.diverged) course.diverged(index, t, held.diverged);

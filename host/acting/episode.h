@@ -6,9 +6,9 @@
 // Episodes are played side by side: each has an environment, a planner and an agent of
 // its own, and what they ask the model goes to it together (joint_model.h), so that the
 // actor alone costs three requests a decision for all of them, and with a search the
-// leaves of all trees go in one; slow environments step at once, on the threads that there
-// are. An episode's bits do not depend on what is played beside it. Its times are its share:
-// its own, and of every joint request an equal part with those who asked.
+// leaves of all trees go in one. An episode's bits do not depend on what is played
+// beside it. Its times are its share: its own, and of every joint request an equal part
+// with those who asked.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +17,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -117,8 +118,8 @@ class EpisodePlayers {
 
   struct Parts {
     JointModel* model = nullptr;
-    // At least one for each of the model's seats.
-    const std::vector<EnvironmentPtr>* environments = nullptr;
+    // At least one for each of the model's seats; must outlive the players.
+    std::span<const EnvironmentPtr> environments;
     // One for each seat.
     std::vector<PlannerPtr> planners;
     Agent::Parts agent;  // of each, but for what is its own
@@ -131,7 +132,7 @@ class EpisodePlayers {
   // Parts of a run's evaluation: what plays it.
   enum class Who { kPlanner, kEvaluationPlanner, kActor };
   static Parts PartsOf(const RunSpec& spec, const Components& components, Who who,
-                       JointModel* model, const std::vector<EnvironmentPtr>* environments);
+                       JointModel* model, std::span<const EnvironmentPtr> environments);
 
   // Plays the course to its end. env_step: environment steps of training behind the agent.
   void Play(const EpisodeCourse& course, std::uint64_t env_step);

@@ -2,20 +2,14 @@
 #include "host/acting/joint_model.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cassert>
 #include <cstring>
-#include <system_error>
-#include <thread>
 
 #include "host/acting/activity_clock.h"
 #include "host/acting/fiber.h"
 
 namespace dreamsearch {
 namespace {
-
-// A thread for one round of work done apart costs some 0.05 ms to begin and to end.
-constexpr double kWorthThreads = 3e-4;  // seconds of a round
 
 // Memory for `size` values, which are lost when it grows.
 template <typename T>
@@ -46,25 +40,16 @@ void CopyOut(const T** from, std::uint64_t count, T* to) {
 // A call of a seat that waits for its answer, with views of the caller's memory.
 struct JointModel::PendingCall {
   // What can be called, in the order in which it is answered: a tree search proposes
-  // actions, imagines where they lead and values what it found; the environment's step follows,
-  // and the next decision begins with an observation.
-  enum class Kind {
-    kProposeMode,
-    kProposeSamples,
-    kImagine,
-    kGradient,
-    kValue,
-    kSpread,
-    kApart,
-    kObserve
-  };
+  // actions, imagines where they lead and values what it found; a decision begins with an
+  // observation.
+  enum class Kind { kProposeMode, kProposeSamples, kImagine, kGradient, kValue, kSpread, kObserve };
 
   Kind kind = Kind::kProposeMode;
-  ConstLatents latents;                   // every kind's but kApart's
+  ConstLatents latents;                   // every kind's
   MatrixView<const double> actions;       // kImagine, kGradient, kObserve
   MatrixView<const double> observations;  // kObserve
   MatrixView<const std::byte> states;     // kObserve
-  View<const std::uint64_t> seeds;        // all but kProposeMode, kValue, kSpread, kApart
+  View<const std::uint64_t> seeds;        // all but kProposeMode, kValue, kSpread
   Latents next;                           // kObserve
   ImagineResult imagined;
   View<double> values;  // kValue
@@ -73,9 +58,6 @@ struct JointModel::PendingCall {
   bool least = false;
   GradientResult gradient;
   MatrixView<double> proposed;  // kProposeMode, kProposeSamples
-  ApartCall work = nullptr;     // kApart, as `context`
-  void* context = nullptr;
-  CallSite site;  // kApart: where whoever asks is
 
   std::uint64_t rows() const { return latents.rows; }
   std::uint64_t samples() const { return rows() == 0 ? 0 : proposed.rows / rows(); }
@@ -84,7 +66,6 @@ struct JointModel::PendingCall {
 
   // Calls that one request can make.
   bool JoinsWith(const PendingCall& other) const {
-    if (kind == Kind::kApart) return other.kind == Kind::kApart;
     return kind == other.kind && rows() != 0 && other.rows() != 0 && samples() == other.samples() &&
            steps() == other.steps() && states.cols == other.states.cols &&
            spread.deviations.empty() == other.spread.deviations.empty() &&
@@ -107,9 +88,6 @@ struct JointModel::PendingCall {
         return model->Value(latents, values);
       case Kind::kSpread:
         return ExtensionOf<ValueSpread>(model)->Spread(latents, spread);
-      case Kind::kApart:
-        work(context);
-        return OkStatus();
       case Kind::kObserve:
         return model->Observe({latents, actions, observations, states, seeds}, next);
     }
@@ -281,55 +259,12 @@ void JointModel::Answer() {
     asking_.push_back(i);
     rows += pending->rows();
   }
-  if (first->kind == PendingCall::Kind::kApart) {
-    WorkApart();
-  } else if (asking_.size() == 1 || !AskJointly()) {
+  if (asking_.size() == 1 || !AskJointly()) {
     for (const std::size_t i : asking_) seats_[i]->answer = seats_[i]->asked->Ask(model_);
   }
   const double share = (ActivityClock::Now() - began) / static_cast<double>(asking_.size());
   for (const std::size_t i : asking_) seats_[i]->seconds += share;
   for (const std::size_t i : asking_) Continue(i, false);
-}
-
-void JointModel::AskApart(std::size_t i, ApartCall call, void* context) {
-  PendingCall pending;
-  pending.kind = PendingCall::Kind::kApart;
-  pending.work = call;
-  pending.context = context;
-  pending.site = call_site;
-  static_cast<void>(seats_[i]->Put(pending));  // work says itself how it ended
-}
-
-void JointModel::SetThreads(std::uint32_t threads) {
-  threads_ = threads;
-  model_->SetThreads(threads);
-}
-
-void JointModel::WorkApart() {
-  std::atomic<std::size_t> next = 0;
-  std::atomic<double> seconds = 0;
-  const auto work = [&] {
-    for (std::size_t k = next++; k < asking_.size(); k = next++) {
-      const double began = ActivityClock::Now();
-      seats_[asking_[k]]->answer = seats_[asking_[k]]->asked->Ask(model_);
-      seconds += ActivityClock::Now() - began;
-    }
-  };
-  {
-    // One that hangs may be on another thread: this one, which waits, says where.
-    const CallScope scope(seats_[asking_.front()]->asked->site);
-    std::vector<std::jthread> others;
-    const std::size_t most = std::min<std::size_t>(threads_, asking_.size());
-    while (apart_seconds_ > kWorthThreads && others.size() + 1 < most) {
-      try {
-        others.emplace_back(work);
-      } catch (const std::system_error&) {  // no thread is to be had: those that there are do it
-        break;
-      }
-    }
-    work();
-  }
-  apart_seconds_ = seconds;
 }
 
 bool JointModel::AskJointly() {
@@ -389,8 +324,6 @@ bool JointModel::AskJointly() {
       if (!first.spread.least.empty()) all.spread.least = {values + 2 * rows, rows};
       break;
     }
-    case PendingCall::Kind::kApart:
-      return false;
     case PendingCall::Kind::kObserve:
       all.actions = {actions_.data(), rows, model_->action_size()};
       all.next = Room(&next_, rows, latent_bytes);

@@ -5,6 +5,8 @@
 // its own (host/acting/fiber.h).
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <cstdint>
 
 namespace dreamsearch {
@@ -30,5 +32,41 @@ class CallScope {
  private:
   const CallSite before_;
 };
+
+// Where threads are for which another waits; null where no such thread is.
+inline std::array<std::atomic<const CallSite*>, 64> sites_waited_for;
+
+// While it lives, the call site of its thread is told where a thread is asked that is in no
+// component's call itself: what hangs is here. One too many is not told of.
+class SiteWaitedFor {
+ public:
+  SiteWaitedFor() {
+    for (auto& place : sites_waited_for) {
+      const CallSite* free = nullptr;
+      if (!place.compare_exchange_strong(free, &call_site)) continue;
+      place_ = &place;
+      return;
+    }
+  }
+  ~SiteWaitedFor() {
+    if (place_ != nullptr) *place_ = nullptr;
+  }
+  SiteWaitedFor(const SiteWaitedFor&) = delete;
+  SiteWaitedFor& operator=(const SiteWaitedFor&) = delete;
+
+ private:
+  std::atomic<const CallSite*>* place_ = nullptr;
+};
+
+// Where this thread is or, if it is in no component's call, one of those that are waited for. For
+// a signal handler, when nothing goes on.
+inline CallSite CallSiteUnderWay() {
+  if (call_site.name != nullptr) return call_site;
+  for (const auto& place : sites_waited_for) {
+    const CallSite* other = place;
+    if (other != nullptr && other->name != nullptr) return *other;
+  }
+  return {};
+}
 
 }  // namespace dreamsearch

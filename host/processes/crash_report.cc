@@ -70,7 +70,7 @@ void ReportSite(const CallSite& site) {
 
 void Report(int signal) {
   ::alarm(kMostSeconds);
-  ReportSite(call_site);
+  ReportSite(CallSiteUnderWay());
   void* frames[64];
   const int count = ::backtrace(frames, 64);
   ::backtrace_symbols_fd(frames, count, STDERR_FILENO);

@@ -107,7 +107,7 @@ RunCosts Rehearse(const RunSpec& spec, const Components& components, Environment
   std::vector<std::unique_ptr<Agent>> all_agents;
   const auto evaluation_decision = [&](EpisodePlayers::Who who) {
     const EpisodePlayers::Parts& players = all_players.emplace_back(
-        EpisodePlayers::PartsOf(spec, components, who, &joint, &environments));
+        EpisodePlayers::PartsOf(spec, components, who, &joint, environments));
     std::vector<Agent*> agents;
     for (std::size_t i = 0; i < joint.seats(); ++i) {
       Agent::Parts player = players.agent;

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "host/acting/activity_clock.h"
+#include "host/plugins/call_site.h"
 #include "host/plugins/catalogue.h"
 #include "host/training/resumption.h"
 #include "results/system/error.h"
@@ -38,7 +39,7 @@ EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& 
   }
   joint_ = std::make_unique<JointModel>(model_.get(), episodes);
   players_ = std::make_unique<EpisodePlayers>(EpisodePlayers::PartsOf(
-      spec, components, EpisodePlayers::Who::kPlanner, joint_.get(), &environments_));
+      spec, components, EpisodePlayers::Who::kPlanner, joint_.get(), environments_));
 }
 
 std::optional<Checkpoint> OpenAgent(const RunSpec& spec, const std::filesystem::path& checkpoint) {
@@ -213,6 +214,7 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
 
   EpisodeQueue queue(at_.episodes, episodes);
   const auto play = [&](EvaluationPlayer* player) {
+    const SiteWaitedFor site;
     std::map<std::uint64_t, Played> playing;  // of this thread
     EpisodeCourse course;
     course.next = [&] {

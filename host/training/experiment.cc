@@ -28,6 +28,8 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
                                                             : nullptr),
       model_(components_.MakeModel(environment_->spec(), 1, model_environment_.get())),
       planner_(components_.MakePlanner(*model_)),
+      groups_(spec_, components_, model_.get(),
+              std::min<std::uint64_t>(EpisodePlayers::kMost, spec_.run.Integer("eval_episodes"))),
       replay_(environment_->spec().observation_size, environment_->spec().action_size,
               Schedule(spec_, environment_->spec().episode_steps).replay_capacity(),
               spec_.search_candidates()),
@@ -48,23 +50,6 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   parts.run_seed = spec_.seed;
   parts.policy_actions = spec_.search_candidates();
   agent_ = std::make_unique<Agent>(parts);
-
-  const std::uint64_t together =
-      std::min<std::uint64_t>(EpisodePlayers::kMost, spec_.run.Integer("eval_episodes"));
-  for (std::uint64_t i = 0; i < together; ++i) {
-    evaluation_environments_.push_back(components_.MakeEnvironment());
-  }
-  joint_model_ = std::make_unique<JointModel>(model_.get(), together);
-  const auto players = [&](EpisodePlayers::Who who) {
-    return std::make_unique<EpisodePlayers>(EpisodePlayers::PartsOf(
-        spec_, components_, who, joint_model_.get(), &evaluation_environments_));
-  };
-  if (spec_.eval_planner.Has(kActorAlone)) {
-    actor_players_ = players(EpisodePlayers::Who::kEvaluationPlanner);
-  } else {
-    search_players_ = players(EpisodePlayers::Who::kEvaluationPlanner);
-    actor_players_ = players(EpisodePlayers::Who::kActor);
-  }
 
   const std::uint64_t episode_steps =
       std::min<std::uint64_t>(environment_->spec().episode_steps, target_);
@@ -150,7 +135,7 @@ void Experiment::Watch(RunStage stage) {
   progress.env_step = at_.env_step;
   progress.training_return = at_.last_training_return;
   progress.evaluation_return = at_.last_evaluation_return;
-  if (at_.stage == Stage::kEvaluate) progress.decisions = joint_model_->seats();
+  if (at_.stage == Stage::kEvaluate) progress.decisions = groups_.episodes();
   progress.threads = threads_;
   watcher_(progress);
 }
@@ -315,7 +300,7 @@ void Experiment::AdjustThreads() {
   if (options_.threads == nullptr) return;
   const std::uint32_t threads = std::max(1u, options_.threads->load(std::memory_order_relaxed));
   if (threads == threads_) return;
-  joint_model_->SetThreads(threads);
+  model_->SetThreads(threads);
   threads_ = threads;
 }
 

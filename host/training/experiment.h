@@ -29,7 +29,7 @@
 #include "host/acting/components.h"
 #include "host/acting/decision_tree.h"
 #include "host/acting/episode.h"
-#include "host/acting/joint_model.h"
+#include "host/acting/episode_groups.h"
 #include "host/saving/checkpoint.h"
 #include "host/settings/retry.h"
 #include "host/settings/settings.h"
@@ -171,7 +171,7 @@ class Experiment final : public RunLoop {
   // False if a stop was asked for: then nothing was recorded.
   bool Evaluate();
   // Adds the rows of an evaluation's episodes; false if a stop was asked for.
-  bool EvaluateWith(EpisodePlayers* players, results::Phase phase,
+  bool EvaluateWith(EpisodePlayers::Who who, results::Phase phase,
                     std::vector<results::EpisodeRow>* rows);
   void KeepTree(const Decision& decision);
   void MaybeCheckpoint();
@@ -198,15 +198,12 @@ class Experiment final : public RunLoop {
 
   Components components_;
   EnvironmentPtr environment_;
-  std::vector<EnvironmentPtr> evaluation_environments_;
   EnvironmentPtr model_environment_;
   ModelPtr model_;
   std::uint32_t threads_ = 1;  // that the model was told of
   PlannerPtr planner_;
   std::unique_ptr<Agent> agent_;
-  std::unique_ptr<JointModel> joint_model_;         // as the evaluations' episodes see it
-  std::unique_ptr<EpisodePlayers> search_players_;  // null if that planner is the actor alone
-  std::unique_ptr<EpisodePlayers> actor_players_;
+  EpisodeGroups groups_;  // play the evaluations
   Replay replay_;
   std::unique_ptr<Reanalysis> reanalysis_;  // null without run.reanalyse
   const std::uint64_t eval_every_;          // environment steps

@@ -9,7 +9,7 @@
 
 namespace dreamsearch {
 
-bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
+bool Experiment::EvaluateWith(EpisodePlayers::Who who, results::Phase phase,
                               std::vector<results::EpisodeRow>* rows) {
   const std::uint64_t episodes = spec_.run.Integer("eval_episodes");
   const std::size_t before = rows->size();
@@ -44,7 +44,7 @@ bool Experiment::EvaluateWith(EpisodePlayers* players, results::Phase phase,
   course.failed = [&](std::uint64_t index, std::exception_ptr error) {
     faults.Add(index, std::move(error));
   };
-  players->Play(course, at_.env_step);
+  groups_.Play(who, course, at_.env_step, threads_);
   if (ended < faults.FirstOr(episodes) && Stopping()) return false;
   faults.RethrowFirst();
   for (const auto& [index, message] : diverged) {
@@ -59,11 +59,17 @@ bool Experiment::Evaluate() {
   double mean_return = 0;
   {
     const ActivityScope scope(&clock_, Activity::kEvaluation);
-    if (search_players_ != nullptr &&
-        !EvaluateWith(search_players_.get(), results::Phase::kSearchEvaluation, &rows)) {
+    using Who = EpisodePlayers::Who;
+    const bool searches = !spec_.eval_planner.Has(kActorAlone);
+    if (searches &&
+        !EvaluateWith(Who::kEvaluationPlanner, results::Phase::kSearchEvaluation, &rows)) {
       return false;
     }
-    if (!EvaluateWith(actor_players_.get(), results::Phase::kActorEvaluation, &rows)) return false;
+    // Where the planner is the actor alone, its name and its metrics are what is met.
+    if (!EvaluateWith(searches ? Who::kActor : Who::kEvaluationPlanner,
+                      results::Phase::kActorEvaluation, &rows)) {
+      return false;
+    }
     // The run's own way of acting, which comes first, is what the progress line shows.
     for (std::uint64_t i = 0; i < episodes; ++i) mean_return += rows[i].episode_return;
     mean_return /= static_cast<double>(episodes);

@@ -95,6 +95,36 @@ TEST(Threads, ARunBesideWhichAnotherBeginsAndEndsHasTheDigestOfOneThread) {
   EXPECT_EQ(place.Value("shared.db", digest).size(), 64u);
 }
 
+// The episodes are played in groups, each with a model of its own.
+TEST(Threads, AnEvaluationOnSeveralHasTheEpisodesOfOne) {
+  if (AvailableCores().count < 2) GTEST_SKIP() << "one core is not shared";
+  const std::string episodes =
+      "select group_concat(phase || ' ' || episode || ' ' || \"return\" || ' ' || digest, ', ') "
+      "from "
+      "(select * from episode order by phase, episode)";
+  for (const std::string model : {"dreamer", "tdmpc", "oracle"}) {
+    const Workplace place;
+    const auto run = [&](const std::string& db) {
+      std::vector<std::string> arguments =
+          TinyRun("pendulum_swingup", "mcts_pw", db, {"--model", model});
+      std::replace(arguments.begin(), arguments.end(), std::string("run.eval_episodes=1"),
+                   std::string("run.eval_episodes=5"));
+      for (auto at = arguments.begin(); model != "dreamer" && at != arguments.end();) {
+        at = at->starts_with("model.") ? arguments.erase(at - 1, at + 1) : at + 1;
+      }
+      const ProgramResult result = place.Runner(arguments);
+      EXPECT_EQ(result.exit_status, 0) << result.err;
+      return place.Value(db, episodes);
+    };
+    const auto alone = [&] {
+      const OneCore one;
+      return run("one.db");
+    }();
+    EXPECT_EQ(std::count(alone.begin(), alone.end(), ','), 3 * (5 + 5) + 3) << alone;
+    EXPECT_EQ(run("several.db"), alone) << model;
+  }
+}
+
 TEST(Threads, TheLastRunOfASweepTakesTheCoresThatTheOthersLeave) {
   const std::uint32_t cores = AvailableCores().count;
   if (cores < 2) GTEST_SKIP() << "one core is not shared";

@@ -5,8 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <exception>
@@ -16,7 +14,6 @@
 #include <set>
 #include <stdexcept>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "dreamsearch/random.h"
@@ -214,12 +211,11 @@ class Linear final : public Offers<Model, ValueSpread, ReturnGradient> {
 };
 
 // A point that is pushed about; its episodes end after 4 to 9 steps if `uneven`, else
-// after 6. It shows the episode's number, by its seed, as the third component. A step takes
-// `seconds`.
+// after 6. It shows the episode's number, by its seed, as the third component.
 class Push final : public Offers<Environment, StateSaving> {
  public:
-  Push(bool uneven, std::map<std::uint32_t, double> numbers, double seconds)
-      : uneven_(uneven), numbers_(std::move(numbers)), seconds_(seconds) {
+  Push(bool uneven, std::map<std::uint32_t, double> numbers)
+      : uneven_(uneven), numbers_(std::move(numbers)) {
     spec_.observation = {&part_, 1};
     spec_.observation_size = 3;
     spec_.action_size = kActions;
@@ -241,7 +237,6 @@ class Push final : public Offers<Environment, StateSaving> {
   }
   Status Step(View<const double> action, View<double> observation,
               StepResult* result) noexcept override {
-    if (seconds_ > 0) std::this_thread::sleep_for(std::chrono::duration<double>(seconds_));
     state_.x += 0.2 * action[0];
     state_.y += 0.1 * action[1];
     state_.t += 1;
@@ -272,7 +267,6 @@ class Push final : public Offers<Environment, StateSaving> {
   } state_ = {};
   const bool uneven_;
   const std::map<std::uint32_t, double> numbers_;
-  const double seconds_;
   EnvironmentSpec spec_;
   ObservationPart part_{"point", 3};
   const double low_[kActions] = {-1, -1};
@@ -286,10 +280,10 @@ std::uint32_t SeedOf(std::uint64_t episode) {
       SeedFor(kRunSeed, SeedUse::kEnvironment, EpisodePurpose::kEvaluation, episode, 0));
 }
 
-EnvironmentPtr MakePush(bool uneven, double seconds = 0) {
+EnvironmentPtr MakePush(bool uneven) {
   std::map<std::uint32_t, double> numbers;
   for (std::uint64_t i = 0; i < 20; ++i) numbers[SeedOf(i)] = static_cast<double>(i);
-  return EnvironmentPtr(new Push(uneven, std::move(numbers), seconds));
+  return EnvironmentPtr(new Push(uneven, std::move(numbers)));
 }
 
 // Fails in chosen episodes, which it knows by the root's x[7], at a chosen decision.
@@ -352,21 +346,19 @@ PlannerPtr NewPlanner(const ComponentDescriptor& component, const Model& model) 
   return PlannerPtr(planner);
 }
 
-// Plays episodes [first, end) on that many seats; `make` is empty for the actor alone. With more
-// than one thread the environments are slow enough to use them.
+// Plays episodes [first, end) on that many seats; `make` is empty for the actor alone.
 Played Play(Model* model, std::size_t seats, std::uint64_t first, std::uint64_t end,
             const MakePlanner& make, std::size_t metrics, bool needs_environment = false,
-            bool uneven = true, std::uint32_t threads = 1) {
+            bool uneven = true) {
   JointModel joint(model, seats);
-  joint.SetThreads(threads);
   std::vector<EnvironmentPtr> environments;
   EpisodePlayers::Parts parts;
   for (std::size_t i = 0; i < seats; ++i) {
-    environments.push_back(MakePush(uneven, threads > 1 ? 2e-4 : 0));
+    environments.push_back(MakePush(uneven));
     parts.planners.push_back(make ? make() : MakeActor());
   }
   parts.model = &joint;
-  parts.environments = &environments;
+  parts.environments = environments;
   parts.agent.model_name = "linear";
   parts.agent.planner_text = "planner 'tested'";
   parts.agent.metrics.assign(metrics, "metric");
@@ -428,13 +420,9 @@ void ExpectTheBitsTheyHaveAlone(Model* model, bool needs_environment,
       ExpectSameEpisodes(alone, played, name + ", " + std::to_string(together) + " together");
     }
     // Who ends early makes room for the next.
-    for (const std::uint32_t threads : {1u, 3u}) {
-      const Played rolling =
-          Play(model, 3, 0, kEpisodes, make, metrics, needs_environment, true, threads);
-      EXPECT_EQ(rolling.rows.size(), kEpisodes);
-      ExpectSameEpisodes(alone, rolling,
-                         name + ", 8 on 3 seats, threads: " + std::to_string(threads));
-    }
+    const Played rolling = Play(model, 3, 0, kEpisodes, make, metrics, needs_environment);
+    EXPECT_EQ(rolling.rows.size(), kEpisodes);
+    ExpectSameEpisodes(alone, rolling, name + ", 8 on 3 seats");
   }
 }
 
@@ -540,7 +528,7 @@ TEST(EpisodePlayers, AnEpisodeBrokenOffLeavesTheOthersAsTheyAre) {
     parts.planners.push_back(MakeActor());
   }
   parts.model = &joint;
-  parts.environments = &environments;
+  parts.environments = environments;
   parts.run_seed = kRunSeed;
   EpisodePlayers players(std::move(parts));
   // Twice with the same players: the second time nothing is left of the first.
@@ -635,58 +623,6 @@ TEST(JointModel, JoinsNoMoreRowsThanItSays) {
   });
   EXPECT_EQ(model.value.calls, 3u) << "one that is larger alone, two together, one left";
   EXPECT_EQ(model.value.rows, 6 * kRows);
-}
-
-// The most that was under way at once of 4 seats that do three things apart.
-int MostAtOnce(std::uint32_t threads) {
-  Linear model;
-  JointModel joint(&model, 4);
-  joint.SetThreads(threads);
-  std::atomic<int> under_way = 0, most = 0, done = 0;
-  joint.Run([&](std::size_t i) {
-    for (int round = 0; round < 3; ++round) {
-      joint.Apart(i, [&] {
-        const int now = ++under_way;
-        for (int before = most; before < now && !most.compare_exchange_weak(before, now);) {
-        }
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        --under_way;
-        ++done;
-      });
-    }
-  });
-  EXPECT_EQ(done, 12);
-  return most;
-}
-
-TEST(JointModel, WhatIsDoneApartIsDoneAtOnceWhereItIsSlow) {
-  EXPECT_EQ(MostAtOnce(1), 1);
-  EXPECT_EQ(MostAtOnce(2), 2);
-  EXPECT_EQ(MostAtOnce(9), 4) << "no more threads than there is work";
-}
-
-TEST(JointModel, AFaultApartIsThatOfItsOwnSeat) {
-  Linear model;
-  for (const std::uint32_t threads : {1u, 2u}) {
-    JointModel joint(&model, 3);
-    joint.SetThreads(threads);
-    std::vector<std::string> faults(3);
-    std::vector<int> rounds(3);
-    joint.Run([&](std::size_t i) {
-      try {
-        for (; rounds[i] < 3; ++rounds[i]) {
-          joint.Apart(i, [&] {
-            std::this_thread::sleep_for(std::chrono::milliseconds(1));
-            if (i == 1 && rounds[i] == 1) throw Failure(ExitCode::kDiverged, "mine");
-          });
-        }
-      } catch (const Failure& fault) {
-        faults[i] = fault.what();
-      }
-    });
-    EXPECT_EQ(faults, (std::vector<std::string>{"", "mine", ""})) << threads;
-    EXPECT_EQ(rounds, (std::vector<int>{3, 1, 3})) << threads;
-  }
 }
 
 TEST(JointModel, TheSharesOfTimeAddUp) {
