@@ -70,16 +70,17 @@ using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluat
 
 Kind KindOf(const RunInfo& run) { return {run.planner, IsEvaluation(run)}; }
 
-using Settings = std::map<std::string, nlohmann::json>;  // flat, by the configuration's digest
+// DottedValues, by the configuration's digest.
+using Settings = std::map<std::string, std::map<std::string, std::string>>;
 
 // The settings in which some of these configurations differ.
 void AddDifferences(const Settings& settings, const std::set<std::string>& configs,
                     std::set<std::string>* keys) {
   std::map<std::string, std::pair<std::size_t, std::set<std::string>>> seen;  // how often, values
   for (const std::string& config : configs) {
-    for (const auto& [key, value] : settings.at(config).items()) {
+    for (const auto& [key, value] : settings.at(config)) {
       ++seen[key].first;
-      seen[key].second.insert(JsonText(value));
+      seen[key].second.insert(value);
     }
   }
   for (const auto& [key, found] : seen) {
@@ -87,13 +88,13 @@ void AddDifferences(const Settings& settings, const std::set<std::string>& confi
   }
 }
 
-std::string SettingLabel(const nlohmann::json& settings, const std::set<std::string>& keys) {
+std::string SettingLabel(const std::map<std::string, std::string>& settings,
+                         const std::set<std::string>& keys) {
   std::string label;
   for (const std::string& key : keys) {
-    if (!settings.contains(key)) continue;
-    std::string name = key.substr(1);
-    std::replace(name.begin(), name.end(), '/', '.');
-    label += (label.empty() ? "" : " ") + name + "=" + JsonText(settings[key]);
+    const auto found = settings.find(key);
+    if (found == settings.end()) continue;
+    label += (label.empty() ? "" : " ") + key + "=" + found->second;
   }
   return label;
 }
@@ -161,10 +162,8 @@ std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, 
   Settings settings;
   for (const RunInfo* run : runs) {
     kinds[KindOf(*run)][run->task].insert(run->config_sha256);
-    nlohmann::json& flat = settings[run->config_sha256];
-    if (!flat.is_null()) continue;
-    const nlohmann::json parsed = ParseJsonOrDiscard(run->config_json);
-    flat = parsed.is_structured() ? parsed.flatten() : nlohmann::json::object();
+    if (settings.contains(run->config_sha256)) continue;
+    settings[run->config_sha256] = DottedValues(ParseJsonOrDiscard(run->config_json));
   }
 
   // One choice of keys for all tasks, so that one more setting tried on one of them

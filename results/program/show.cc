@@ -129,12 +129,7 @@ int Show::Run() {
   const nlohmann::json config = ParseJsonOrDiscard(run.config_json);
   if (config.is_structured()) {
     Table settings;
-    const nlohmann::json flat = config.flatten();
-    for (const auto& [key, value] : flat.items()) {
-      std::string dotted = key.empty() ? key : key.substr(1);
-      std::replace(dotted.begin(), dotted.end(), '/', '.');
-      settings.rows.push_back({dotted, JsonText(value)});
-    }
+    for (const auto& [key, value] : DottedValues(config)) settings.rows.push_back({key, value});
     std::cout << settings.Print(TableForm::kText, 2);
   } else {
     std::cout << "  " << Printable(run.config_json) << "\n";

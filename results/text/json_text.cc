@@ -57,6 +57,19 @@ std::string JsonTextReplacing(const nlohmann::json& json, int indent) {
   return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+std::map<std::string, std::string> DottedValues(const nlohmann::json& json) {
+  std::map<std::string, std::string> values;
+  if (!json.is_structured()) return values;
+  const nlohmann::json flat = json.flatten();
+  for (const auto& [key, value] : flat.items()) {
+    if (key.empty() || value.is_null()) continue;  // an empty object
+    std::string dotted = key.substr(1);
+    std::replace(dotted.begin(), dotted.end(), '/', '.');
+    values.emplace(dotted, JsonText(value));
+  }
+  return values;
+}
+
 std::string JsonTextReplacing(const nlohmann::ordered_json& json, int indent) {
   return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }

@@ -4,6 +4,7 @@
 // dump() compiles again, for seconds each. `host` and `results` call these instead.
 #pragma once
 
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -24,5 +25,9 @@ std::string JsonText(const nlohmann::json& json, int indent = -1);
 // The same with a replacement character for what is not UTF-8; never throws for it.
 std::string JsonTextReplacing(const nlohmann::json& json, int indent = -1);
 std::string JsonTextReplacing(const nlohmann::ordered_json& json, int indent = -1);
+
+// What an object or an array holds at any depth: the text of each value by its path with dots,
+// "run.batch_size". Of an empty object nothing. Empty for anything else.
+std::map<std::string, std::string> DottedValues(const nlohmann::json& json);
 
 }  // namespace dreamsearch::results

@@ -107,6 +107,14 @@ TEST_F(CurvesTest, ASettingThatOneRunLacksNamesTheOther) {
   EXPECT_EQ(labels[3].substr(0, 15), "rollout config ");
 }
 
+// As an evaluation of a changed world beside one of the world as it was.
+TEST_F(CurvesTest, SettingsThatOneRunHasNoneOfNameTheOther) {
+  AddRun({.config = R"({"environment":{"parameters":{}}})"}, {{kSearch, 0, 1}});
+  AddRun({.config = R"({"environment":{"parameters":{"mass_scale":2}}})"}, {{kSearch, 0, 1}});
+  EXPECT_EQ(OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation)),
+            (std::vector<std::string>{"mcts_pw", "mcts_pw environment.parameters.mass_scale=2"}));
+}
+
 TEST_F(CurvesTest, OtherVersionsOfAPluginAreOtherLinesAndOtherContenders) {
   AddRun({.seed = 0, .planner_version = "1.0.0"}, {{kSearch, 95000, 100}});
   AddRun({.seed = 1, .planner_version = "1.0.0"}, {{kSearch, 95000, 100}});
