@@ -85,6 +85,16 @@ void Write(cairo_t* pen, double x, double y, const std::string& text) {
   cairo_show_text(pen, text.c_str());
 }
 
+// What says the most in that width: the first text that fits, or the last, cut.
+std::string Fitting(cairo_t* pen, double width, const std::vector<std::string>& texts) {
+  for (const std::string& text : texts) {
+    if (WidthOf(pen, text) <= width) return text;
+  }
+  std::string cut = texts.back();
+  while (cut.size() > 4 && WidthOf(pen, cut) > width) cut = cut.substr(0, cut.size() - 4) + "...";
+  return cut;
+}
+
 // Bars round a middle line, as wide as there is room for; returns the left edge.
 double DrawBars(cairo_t* pen, const std::vector<double>& action, double right, double top,
                 double height, double room) {
@@ -128,32 +138,31 @@ Picture Panel(const Frame& frame, const std::string& title) {
   const std::string earned = "return " + FormatNumber("%.1f", frame.episode_return);
   const double earned_left = right - WidthOf(pen, earned);
   Write(pen, earned_left, 18, earned);
-  // A long title gives way.
-  std::string shown = title;
-  while (shown.size() > 4 && kMargin + WidthOf(pen, shown) > earned_left - kMargin) {
-    shown = shown.substr(0, shown.size() - 4) + "...";
-  }
-  Write(pen, kMargin, 18, shown);
+  Write(pen, kMargin, 18, Fitting(pen, earned_left - 2 * kMargin, {title}));
 
   cairo_select_font_face(pen, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
   cairo_set_font_size(pen, kTextSize - 2);
-  cairo_set_source_rgb(pen, 0.80, 0.82, 0.86);
   const double below = kTopLine + scene.height;
-  Write(pen, kMargin, below + 14,
-        (frame.seconds > 0 || frame.decision == 0
-             ? FormatNumber("%.2f s", frame.seconds) + ", decision "
-             : std::string("decision ")) +
-            std::to_string(frame.decision));
-  if (frame.simulations > 0) {
-    Write(pen, kMargin, below + 29,
-          "search: depth " + std::to_string(frame.depth) + ", " +
-              std::to_string(frame.simulations) + " simulations, value " +
-              FormatNumber("%.1f", frame.value));
-  } else if (frame.decision > 0) {
-    Write(pen, kMargin, below + 29, "no search");
-  }
+  double room = right - kMargin;
   if (!frame.action.empty()) {
-    DrawBars(pen, frame.action, right, below + 2, kBottomLine - 4, scene.width / 3.0);
+    room = DrawBars(pen, frame.action, right, below + 2, kBottomLine - 4, scene.width / 3.0) -
+           2 * kMargin;
+  }
+  cairo_set_source_rgb(pen, 0.80, 0.82, 0.86);
+  const std::string decision = "decision " + std::to_string(frame.decision);
+  std::vector<std::string> when = {decision};
+  if (frame.seconds > 0 || frame.decision == 0) {
+    when.insert(when.begin(), FormatNumber("%.2f s", frame.seconds) + ", " + decision);
+  }
+  Write(pen, kMargin, below + 14, Fitting(pen, room, when));
+  if (frame.simulations > 0) {
+    const std::string depth = "depth " + std::to_string(frame.depth);
+    const std::string value = ", value " + FormatNumber("%.1f", frame.value);
+    const std::string simulations = ", " + std::to_string(frame.simulations) + " simulations";
+    Write(pen, kMargin, below + 29,
+          Fitting(pen, room, {"search: " + depth + simulations + value, depth + value, depth}));
+  } else if (frame.decision > 0) {
+    Write(pen, kMargin, below + 29, Fitting(pen, room, {"no search"}));
   }
   return PictureOf(surface);
 }

@@ -76,6 +76,26 @@ TEST(Panel, LeavesTheSceneAsItIsAndDrawsPositiveActionsUpwards) {
   EXPECT_GT(ShadeAt(panel, 200 - 8 - 6, middle + 8), 200);  // the second, below, is orange
 }
 
+TEST(Panel, WritesNothingOverTheActionHoweverNarrowItIs) {
+  Frame frame;
+  frame.scene = Plain(200, 100, 77);
+  frame.action = {1, -1, 1, -1, 1, -1};
+  frame.seconds = 1234;
+  frame.decision = 123456;
+  const Picture without = Panel(frame, "title");
+  frame.depth = 12;
+  frame.simulations = 5000;
+  frame.value = 12345.6;
+  const Picture with = Panel(frame, "title");
+  EXPECT_NE(with.rgb, without.rgb) << "the search is told";
+  const int bars = 200 - 8 - static_cast<int>(200 / 3.0);
+  for (int y = 0; y < with.height; ++y) {
+    for (int x = bars - 4; x < 200; ++x) {
+      ASSERT_EQ(ShadeAt(with, x, y), ShadeAt(without, x, y)) << x << ", " << y;
+    }
+  }
+}
+
 TEST(Scaled, KeepsAPlainColour) {
   const Picture small = Scaled(Plain(64, 48, 99), 16, 12);
   EXPECT_EQ(small.width, 16);
