@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """The same seed gives the same bits: tasks x planners x models, each played in several ways.
 
-determinism.py BIN_DIR [--full]
+determinism.py BIN_DIR [--full] [--skip N]
 
 Of each combination a run is made plainly, and then again: repeated in another folder, on one core
 and on two, with two jobs, with decisions logged and trees recorded, interrupted and resumed, and
 with seeds and planners in another order and beside other runs. The result digests must be equal.
-Without --full a few combinations are played.
+Without --full a few combinations are played. --skip passes over the first N, those of an earlier
+part.
 """
 import argparse
 import os
@@ -91,11 +92,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bin_dir")
     parser.add_argument("--full", action="store_true")
+    parser.add_argument("--skip", type=int, default=0)
     options = parser.parse_args()
     programs = run.Programs(options.bin_dir)
     faults = run.Faults()
     compared = 0
-    for task, planner, model in combinations(options.full):
+    for task, planner, model in combinations(options.full)[options.skip:]:
         ways = Ways(programs, task, planner, model)
         plain = ways.play()
         name = "%s %s on %s" % (task, planner, model)

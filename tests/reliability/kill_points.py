@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """SIGKILL at the N-th write-class system call of a training run with checkpoints, for many N.
 
-kill_points.py BIN_DIR [--points N] [--steps N] [--journal-off LIBRARY]
+kill_points.py BIN_DIR [--points N] [--steps N] [--skip N] [--journal-off LIBRARY]
 
 First the supervisor alone is killed at each of its calls, then the worker at each of its own;
 whoever is left ends as it likes. After each kill no committed row may be missing, the database
 must be whole, and the same command must finish the run with the result of an undisturbed one.
 --points spreads that many kills evenly over all calls; 0, the default, is every call. --steps is
-the length of the run: more steps, more checkpoints and calls.
+the length of the run: more steps, more checkpoints and calls. --skip passes over the first N
+points, those of an earlier part.
 
 With --journal-off the databases are written without a journal (the library is preloaded), and
 the harness must find corruption: then it exits with 0, and with 1 if it finds none.
@@ -74,6 +75,7 @@ def main():
     parser.add_argument("bin_dir")
     parser.add_argument("--points", type=int, default=0)
     parser.add_argument("--steps", type=int, default=240)
+    parser.add_argument("--skip", type=int, default=0)
     parser.add_argument("--journal-off")
     options = parser.parse_args()
     why_not = run.tracing_is_allowed()
@@ -85,7 +87,7 @@ def main():
     words = run.training(steps=options.steps)
     expected = run.undisturbed(safe, words)
     faults = run.Faults()
-    killed = 0
+    killed = passed = 0
     for who, kill in (("supervisor", kill_supervisor), ("worker", kill_worker)):
         if options.journal_off and who == "supervisor":
             continue
@@ -94,6 +96,9 @@ def main():
         step = max(1, calls // share) if options.points else 1
         print("%s: %d write-class system calls, every %d" % (who, calls, step), flush=True)
         for n in range(1, calls + 1, step):
+            passed += 1
+            if passed <= options.skip:
+                continue
             where = "%s, call %d" % (who, n)
             with run.Place() as folder:
                 with run.Witness(folder / "r.db") as witness:
