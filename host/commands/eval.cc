@@ -101,7 +101,7 @@ int Eval::Run(const Words& words) {
     database = results::Database::OpenExisting(working.path());
     working.TakeToRead(evaluation.run);
     const TrainedRun trained =
-        FindTrainedRun(database.get(), evaluation.run, options.process.plugin_path);
+        FindTrainedRun(database.get(), evaluation.run, options.process.trusted());
     for (const std::string& warning : trained.warnings) {
       std::cerr << "warning: " << warning << "\n";
     }

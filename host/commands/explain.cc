@@ -36,12 +36,12 @@ struct Subject {
 };
 
 Subject FindSubject(results::Database* database, const std::string& run,
-                    const std::vector<std::string>& plugin_path) {
+                    const TrustedCode& trusted) {
   Subject subject;
   subject.info = database->GetRun(run);
   subject.spec = RecordedSpec(database, subject.info);
   if (subject.spec.evaluation) {
-    subject.spec = TrustedSpec(database, subject.info, plugin_path);
+    subject.spec = TrustedSpec(database, subject.info, trusted);
     if (const std::string changed = ChangedFile(subject.spec); !changed.empty()) {
       std::cerr << "warning: run " << subject.info.run_id
                 << " was played before something changed: " << changed << "\n";
@@ -49,7 +49,7 @@ Subject FindSubject(results::Database* database, const std::string& run,
     subject.agent = AgentCheckpoint(database, subject.spec);
     return subject;
   }
-  const TrainedRun trained = FindTrainedRun(database, run, plugin_path);
+  const TrainedRun trained = FindTrainedRun(database, run, trusted);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
   subject.spec = trained.spec;
   subject.spec.planner = trained.spec.eval_planner;
@@ -164,7 +164,7 @@ struct Explain {
   std::string run, db = kDefaultDatabase, out;
   std::int64_t episode = 0, decision = 0;
   bool training = false;
-  std::vector<std::string> plugin_path;
+  TrustedCode trusted;
 
   CommandSpec Declare() {
     return {
@@ -187,7 +187,8 @@ struct Explain {
               {"training", "", Switch(&training), "take the decision from training episode I"}}},
             {"Where",
              {DatabaseFlag(&db),
-              PluginPathFlag(&plugin_path),
+              PluginPathFlag(&trusted.folders),
+              TrustModuleFlag(&trusted.modules),
               {"out", "PREFIX", Text(&out).Default("runR_episodeI_decisionT, runR_training_..."),
                "begin the names of the two files with this, or write them to this "
                "folder"}}}}};
@@ -197,8 +198,8 @@ struct Explain {
 
 int Explain::Run() {
   const auto database = results::Database::OpenReadOnly(db);
-  const Subject subject = training ? TrainingSubject(database.get(), run)
-                                   : FindSubject(database.get(), run, plugin_path);
+  const Subject subject =
+      training ? TrainingSubject(database.get(), run) : FindSubject(database.get(), run, trusted);
   const RunSpec& spec = subject.spec;
   const std::string name =
       "run " + std::to_string(subject.info.run_id) + " (" + RunLabel(spec) + ")";

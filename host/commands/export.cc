@@ -32,7 +32,7 @@ std::string ShapeText(const nlohmann::json& shape) {
 
 struct Export {
   std::string run, db = kDefaultDatabase, out, episodes;
-  std::vector<std::string> plugin_path;
+  TrustedCode trusted;
 
   CommandSpec Declare() {
     return {
@@ -59,7 +59,8 @@ struct Export {
         .arguments = {RunArgument(&run)},
         .groups = {{"Where",
                     {DatabaseFlag(&db),
-                     PluginPathFlag(&plugin_path),
+                     PluginPathFlag(&trusted.folders),
+                     TrustModuleFlag(&trusted.modules),
                      {"out", "FILE", Text(&out).Default("TASK_PLANNER_seedN.safetensors"),
                       "write this file, or a file in this folder"},
                      {"episodes", "FILE", Text(&episodes),
@@ -110,7 +111,7 @@ int Export::Run() {
     WriteEpisodes(database.get());
     if (out.empty()) return 0;
   }
-  const TrainedRun trained = FindTrainedRun(database.get(), run, plugin_path);
+  const TrainedRun trained = FindTrainedRun(database.get(), run, trusted);
   for (const std::string& warning : trained.warnings) std::cerr << "warning: " << warning << "\n";
   const RunSpec& spec = trained.spec;
   out = OutputPath(out, spec.environment.task() + "_" + spec.planner.name() + "_seed" +

@@ -51,7 +51,8 @@ struct Extend {
             .groups = {{"How far",
                         {{"steps", "N", Parsed(&steps, ParseSteps).Required(),
                           "environment steps of the longer run, before action repeat, those of the "
-                          "finished one included"}}},
+                          "finished one included"},
+                         TrustModuleFlag(&options.trusted_modules)}},
                        WorkFlags(&options),
                        {"What to record", RecordingFlags(&options)}}};
   }
@@ -64,7 +65,7 @@ int Extend::Run(const Words& words) {
   auto database = results::Database::OpenExisting(working.path());
   working.TakeToRead(what);
   const results::RunInfo run = database->GetRun(what);
-  const RunSpec spec = TrustedSpec(database.get(), run, options.plugin_path);
+  const RunSpec spec = TrustedSpec(database.get(), run, options.trusted());
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
   if (spec.evaluation) {
     throw Failure(ExitCode::kUsage, name + " is an evaluation; expected a training");

@@ -102,6 +102,7 @@ struct Render {
              {"Where to",
               {DatabaseFlag(process),
                PluginPathFlag(&process->plugin_path),
+               TrustModuleFlag(&process->trusted_modules),
                {"out", "FILE", Text(&out).Default("runR_episodeI.mp4"),
                 "a video (.mp4, .webm, .gif), a sheet of twelve pictures (.png), or a folder for "
                 "every picture (FOLDER/)"},
@@ -125,7 +126,7 @@ std::vector<Shown> Render::Begin() {
   if (!evaluation.run.empty()) {
     const auto database = results::Database::OpenReadOnly(options.process.db.string());
     const TrainedRun trained =
-        FindTrainedRun(database.get(), evaluation.run, options.process.plugin_path);
+        FindTrainedRun(database.get(), evaluation.run, options.process.trusted());
     for (const std::string& warning : trained.warnings) {
       std::cerr << "warning: " << warning << "\n";
     }

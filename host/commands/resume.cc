@@ -28,6 +28,7 @@ struct Resume {
         RetryFlag(&options),
         {"force", "", Switch(&force),
          "resume under another instruction set, which gives slightly different numbers"},
+        TrustModuleFlag(&options.trusted_modules),
         DryRunFlag(&options)};
     return {.name = "runner resume",
             .summary = "finishes runs that were queued, interrupted or killed",

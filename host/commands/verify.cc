@@ -37,7 +37,8 @@ struct Verify {
         .arguments = {RunArgument(&what)},
         .groups = {{"What to compare",
                     {{"force", "", Switch(&force),
-                      "compare although a plugin or the instruction set has changed"}}},
+                      "compare although a plugin or the instruction set has changed"},
+                     TrustModuleFlag(&options.trusted_modules)}},
                    LimitFlags(&options)}};
   }
   int Run();
@@ -46,7 +47,7 @@ struct Verify {
 int Verify::Run() {
   const auto database = results::Database::OpenReadOnly(options.db.string());
   const results::RunInfo run = database->GetRun(what);
-  RunSpec spec = TrustedSpec(database.get(), run, options.plugin_path);
+  RunSpec spec = TrustedSpec(database.get(), run, options.trusted());
   const std::string name = "run " + std::to_string(run.run_id) + " (" + RunLabel(spec) + ")";
   if (run.status != results::RunStatus::kFinished) {
     throw Failure(ExitCode::kUsage,

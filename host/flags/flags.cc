@@ -96,6 +96,12 @@ Flag PluginPathFlag(std::vector<std::string>* plugin_path) {
           "folders follow"};
 }
 
+Flag TrustModuleFlag(std::vector<std::string>* modules) {
+  return {"trust-module", "NAME", Texts(modules),
+          "let the recorded run import the installed module of this name that its settings ask "
+          "for; a module that is a file must lie in a folder of --plugin-path"};
+}
+
 Catalogue ScanPlugins(const std::vector<std::string>& plugin_path) {
   ScanOptions options;
   options.known = ReadKnownPlugins();

@@ -18,6 +18,8 @@ namespace dreamsearch {
 // RUN, "a run's number or the beginning of its UUID".
 Flag RunArgument(std::string* run);
 Flag PluginPathFlag(std::vector<std::string>* plugin_path);
+// --trust-module, of what goes on from a recorded run.
+Flag TrustModuleFlag(std::vector<std::string>* modules);
 
 // The plugins of that flag, which searches them; warnings go to standard error.
 Catalogue ScanPlugins(const std::vector<std::string>& plugin_path);

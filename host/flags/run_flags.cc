@@ -125,7 +125,8 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
            {"With which settings",
             {{"preset", "NAME", Text(&options->preset).Default("the run's; fast without RUN"),
               "preset of planners and models that the run did not train with"},
-             SetFlag(&options->settings)}},
+             SetFlag(&options->settings),
+             TrustModuleFlag(&process->trusted_modules)}},
            WorkFlags(process),
            EarlierRuns({RetryFlag(process), ReplaceFlag(process)})},
       .exclusive = {{"seeds", "seed-list"}}};

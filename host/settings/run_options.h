@@ -25,11 +25,18 @@ struct Setting {
 
 inline constexpr std::uint64_t kShareOfMemory = std::numeric_limits<std::uint64_t>::max();
 
+// What of the code that a recorded run names may be run.
+struct TrustedCode {
+  std::vector<std::string> folders;  // --plugin-path
+  std::vector<std::string> modules;  // --trust-module
+};
+
 // What every command that runs experiments understands.
 struct ProcessOptions {
   std::filesystem::path db = kDefaultDatabase;
   std::filesystem::path scratch;  // a folder of this machine for the running database; empty: none
   std::vector<std::string> plugin_path;
+  std::vector<std::string> trusted_modules;
   int jobs = 0;                   // 0: as many as the cores and the memory allow
   bool in_process = false;        // --jobs 0: work in this process, one run after the other
   double time_limit_seconds = 0;  // 0: none
@@ -44,6 +51,8 @@ struct ProcessOptions {
   bool record_trees = false;
   bool keep_replay = false;
   bool dry_run = false;
+
+  TrustedCode trusted() const { return {plugin_path, trusted_modules}; }
 };
 
 struct RunOptions {

@@ -40,20 +40,25 @@ fs::path InFolders(const std::vector<fs::path>& folders, const std::string& name
   return other;
 }
 
-// A text that is the path of a program, or of a module that a program loads.
-bool IsProgram(const ResolvedValue& value) {
-  if (!IsText(value.type) || value.choice.find('/') == std::string::npos) return false;
+enum class Named { kNothing, kProgram, kModuleFile, kModuleName };
+
+// What code a text names. Types are as recorded: whoever makes the component refuses other ones.
+Named CodeNamedBy(const ResolvedValue& value) {
+  const std::string& text = value.choice;
+  if (!IsText(value.type) || text.empty()) return Named::kNothing;
+  if (text.ends_with(".py") || text.ends_with(".so")) return Named::kModuleFile;
+  if (text.find('/') == std::string::npos) {
+    return value.type == ParameterType::kPath ? Named::kModuleName : Named::kNothing;
+  }
   std::error_code error;
-  const fs::path file = value.choice;
-  if (file.extension() == ".py" || file.extension() == ".so") return true;
-  return fs::is_regular_file(file, error) && ::access(file.c_str(), X_OK) == 0;
+  return fs::is_regular_file(text, error) && ::access(text.c_str(), X_OK) == 0 ? Named::kProgram
+                                                                               : Named::kNothing;
 }
 
 }  // namespace
 
-void TrustRecordedCode(const std::vector<std::string>& plugin_path, const std::string& who,
-                       RunSpec* spec) {
-  const std::vector<fs::path> folders = PluginFolders(plugin_path);
+void TrustRecordedCode(const TrustedCode& trusted, const std::string& who, RunSpec* spec) {
+  const std::vector<fs::path> folders = PluginFolders(trusted.folders);
   std::vector<ResolvedComponent*> components = {&spec->environment, &spec->model, &spec->planner,
                                                 &spec->eval_planner};
   if (spec->evaluation && spec->evaluation->trained_model) {
@@ -61,29 +66,42 @@ void TrustRecordedCode(const std::vector<std::string>& plugin_path, const std::s
   }
   // What is not trusted, in words, and the flags that would change that.
   std::vector<std::string> named, flags;
-  const auto distrust = [&](const std::string& what, const fs::path& file) {
-    const std::string flag = "--plugin-path " + ShellWord(file.parent_path().string());
+  const auto distrust = [&](const std::string& text, const std::string& flag) {
     if (std::find(flags.begin(), flags.end(), flag) == flags.end()) flags.push_back(flag);
-    const std::string text = what + file.string();
     if (std::find(named.begin(), named.end(), text) == named.end()) named.push_back(text);
+  };
+  const auto folder_of = [](const fs::path& file) {
+    return "--plugin-path " + ShellWord(fs::absolute(file).parent_path().string());
   };
   for (ResolvedComponent* component : components) {
     ComponentInfo info = *component->info;
     const fs::path recorded = info.plugin.path;
-    const fs::path trusted = InFolders(folders, recorded.filename().string(), info.plugin.sha256);
-    if (!trusted.empty()) {
-      info.plugin.path = trusted.string();
+    const fs::path found = InFolders(folders, recorded.filename().string(), info.plugin.sha256);
+    if (!found.empty()) {
+      info.plugin.path = found.string();
       component->info = std::make_shared<const ComponentInfo>(std::move(info));
     } else if (std::none_of(folders.begin(), folders.end(), [&](const fs::path& folder) {
                  return recorded.parent_path() == folder;  // it was there, and is gone
                })) {
-      distrust("the plugin ", recorded);
+      distrust("the plugin " + recorded.string(), folder_of(recorded));
     }
     for (const ResolvedValue& value : component->parameters.values) {
-      if (!IsProgram(value) || IsUnder(value.choice, "/usr")) continue;
+      const Named code = CodeNamedBy(value);
+      const std::string where = "in '" + value.name + "' the ";
+      if (code == Named::kModuleName) {
+        if (std::find(trusted.modules.begin(), trusted.modules.end(), value.choice) ==
+            trusted.modules.end()) {
+          distrust(where + "module " + value.choice, "--trust-module " + ShellWord(value.choice));
+        }
+        continue;
+      }
+      if (code == Named::kNothing || (code == Named::kProgram && IsUnder(value.choice, "/usr"))) {
+        continue;
+      }
       if (std::none_of(folders.begin(), folders.end(),
                        [&](const fs::path& folder) { return IsUnder(value.choice, folder); })) {
-        distrust("in '" + value.name + "' the program ", value.choice);
+        distrust(where + (code == Named::kProgram ? "program " : "module ") + value.choice,
+                 folder_of(value.choice));
       }
     }
   }
@@ -92,7 +110,7 @@ void TrustRecordedCode(const std::vector<std::string>& plugin_path, const std::s
     for (const std::string& flag : flags) advice += " " + flag;
     throw Failure(ExitCode::kPluginRefused,
                   who +
-                      " names code that is in no folder of plugins, and a recorded run does not "
+                      " asks for code that the command does not name, and a recorded run does not "
                       "decide what is loaded: " +
                       JoinNames(named) + ". If it is trusted, add" + advice);
   }

@@ -408,9 +408,9 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run) {
 }
 
 RunSpec TrustedSpec(results::Database* database, const results::RunInfo& run,
-                    const std::vector<std::string>& plugin_path) {
+                    const TrustedCode& trusted) {
   RunSpec spec = RecordedSpec(database, run);
-  TrustRecordedCode(plugin_path, "run " + std::to_string(run.run_id) + " of " + database->path(),
+  TrustRecordedCode(trusted, "run " + std::to_string(run.run_id) + " of " + database->path(),
                     &spec);
   return spec;
 }
@@ -423,7 +423,7 @@ std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec
 
 SweepJob RecordedJob(results::Database* database, const ProcessOptions& options,
                      const results::RunInfo& run) {
-  const RunSpec spec = TrustedSpec(database, run, options.plugin_path);
+  const RunSpec spec = TrustedSpec(database, run, options.trusted());
   std::string changed = ChangedFile(spec);
   if (changed.empty()) changed = ChangedIngredient(spec, options);
   if (!changed.empty()) {

@@ -73,7 +73,7 @@ RunSpec RecordedSpec(results::Database* database, const results::RunInfo& run);
 
 // The same to be run: its code is that of TrustRecordedCode, and what that throws.
 RunSpec TrustedSpec(results::Database* database, const results::RunInfo& run,
-                    const std::vector<std::string>& plugin_path);
+                    const TrustedCode& trusted);
 
 // The checkpoint of the trained run that an evaluation names; empty if it names none.
 std::filesystem::path AgentCheckpoint(results::Database* database, const RunSpec& spec);

@@ -20,7 +20,7 @@ std::string RunName(const TrainedRun& run) {
 }
 
 TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
-                          const std::vector<std::string>& plugin_path) {
+                          const TrustedCode& trusted) {
   TrainedRun found;
   found.info = database->GetRun(run);
   if (found.info.parent_run_id) {
@@ -59,8 +59,8 @@ TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
       static_cast<std::uint64_t>(Experiment::ResumePointOf(loaded->checkpoint).env_step);
   found.agent_sha256 = ModelSha256(loaded->checkpoint);
 
-  TrustRecordedCode(plugin_path, name + " of " + database->path(), &found.spec);
-  found.catalogue = Catalogue::Scan(PluginFolders(plugin_path));
+  TrustRecordedCode(trusted, name + " of " + database->path(), &found.spec);
+  found.catalogue = Catalogue::Scan(PluginFolders(trusted.folders));
   found.ingredients = found.spec.environment.ingredients;
   std::set<std::string> changed;
   for (ResolvedComponent* component : {&found.spec.environment, &found.spec.model,

@@ -28,12 +28,12 @@ struct TrainedRun {
 };
 
 // Finds a run by number or the beginning of its UUID. Its components are looked for
-// in `plugin_path`, then where plugins usually are: never where its folder says.
+// in the trusted folders, then where plugins usually are: never where its folder says.
 //   kNotFound  no such run, its files are gone, or it has no checkpoint yet.
 //   kPluginRefused  see TrustRecordedCode.
 //   kUsage     the run is itself an evaluation; the message names the trained one.
 TrainedRun FindTrainedRun(results::Database* database, const std::string& run,
-                          const std::vector<std::string>& plugin_path);
+                          const TrustedCode& trusted);
 
 // "run 3 (walker_walk mcts_pw seed 0)".
 std::string RunName(const TrainedRun& run);

@@ -20,6 +20,12 @@ What the environment prints goes to the run's log. Over 400 lines: the interpret
 program as one text and finds no module beside it.
 """
 
+import sys
+
+# Handed a program as a text, Python looks for modules in the current folder first: whoever wrote
+# a numpy.py there would be played.
+sys.path[:] = [folder for folder in sys.path if folder]
+
 import contextlib
 import ctypes
 import hashlib
@@ -32,9 +38,9 @@ import platform
 import select
 import signal
 import struct
-import sys
 import time
 import traceback
+import types
 
 REQUESTS, ANSWERS = 3, 4
 
@@ -50,9 +56,16 @@ def came_of_importing(error):
 
 
 def user_module(name):
-    """The module NAME, or the file NAME.py wherever it lies."""
+    """The installed module NAME, or the file NAME.py wherever it lies."""
     if not name.endswith(".py"):
-        return importlib.import_module(name)
+        try:
+            return importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            file = name.replace(".", os.sep) + ".py"
+            if error.name != name.partition(".")[0] or not os.path.exists(file):
+                raise
+            raise Refusal(f"no module {name} is installed, and the current folder is not searched; "
+                          f"a file is named with its ending: module={file}") from error
     spec = importlib.util.spec_from_file_location(os.path.basename(name)[:-3], name)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -110,6 +123,26 @@ def made_of(module):
     return found
 
 
+def made_by(module, name, arguments):
+    """The environment that MODULE calls NAME: a class, a function of its own, or what it has
+    registered with Gymnasium.
+    """
+    maker = getattr(module, name, None)
+    if maker is None:
+        gymnasium = sys.modules.get("gymnasium")
+        if gymnasium is None or name not in gymnasium.registry:
+            raise Refusal(f"module {module.__name__} has no class '{name}'")
+        return gymnasium.make(name, **arguments)
+    # What else a module holds, such as a Popen that it imported, is not called.
+    is_world = (callable(getattr(maker, "reset", None)) and callable(getattr(maker, "step", None))
+                if isinstance(maker, type) else
+                isinstance(maker, types.FunctionType) and maker.__module__ == module.__name__)
+    if not is_world:
+        raise Refusal(f"'{name}' of module {module.__name__} makes no environment: expected a class "
+                      "with the methods reset and step")
+    return maker(**arguments)
+
+
 class GymnasiumPlayer:
     """Any environment of the Gymnasium interface."""
 
@@ -117,13 +150,13 @@ class GymnasiumPlayer:
         arguments = settings["arguments"]
         self.module = None
         if settings["module"]:
-            module = self.module = user_module(settings["module"])
-            if settings["id"] and not hasattr(module, settings["id"]):
-                raise Refusal(f"module {settings['module']} has no class '{settings['id']}'")
-            if not settings["id"]:
-                raise Refusal("the setting 'module' needs 'id', the name of a class in it")
-            self.env = getattr(module, settings["id"])(**arguments)
+            self.module = user_module(settings["module"])
+            self.env = made_by(self.module, settings["id"], arguments)
         else:
+            module, colon, name = settings["id"].partition(":")
+            if colon:
+                raise Refusal(f"id '{settings['id']}': expected a name without a colon; the module is a "
+                              f"setting, id={name} and module={module}")
             import gymnasium
 
             self.env = gymnasium.make(settings["id"], **arguments)

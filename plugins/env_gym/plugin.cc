@@ -38,8 +38,8 @@ constexpr auto kGymSettings = BindSettings<Settings>(
         "class there.")),
     Bind<&Settings::module>(PathParameter(
         "module", ".py",
-        "A module that defines the class `id`: the path of a .py file, or a dotted name; \"\" for "
-        "what is registered with Gymnasium.")),
+        "A module that defines or registers `id`: the path of a .py file, or the dotted name of "
+        "one that is installed; \"\" for what Gymnasium itself has registered.")),
     kInterpreter, kArguments, kEpisodeSteps, kActionLow, kActionHigh);
 
 constexpr auto kSuiteSettings = BindSettings<Settings>(

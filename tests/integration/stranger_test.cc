@@ -144,6 +144,44 @@ TEST_F(Stranger, ASettingNamesNoProgramThatIsRun) {
   EXPECT_FALSE(fs::exists(place_.folder() / "loaded"));
 }
 
+// A module is code however it is named: by a file in any folder, or by a name that whatever is
+// installed answers to.
+TEST_F(Stranger, ASettingNamesNoModuleThatIsImported) {
+  Unfinish();
+  const fs::path file = Folder() / "run.json";
+  const std::string text = Text(file), values = "\"values\": []";
+  const auto at = text.find(values);
+  ASSERT_NE(at, std::string::npos) << "a component without parameters";
+  const auto resume = [&](const std::string& module, std::vector<std::string> more) {
+    std::string changed = text;
+    changed.replace(
+        at, values.size(),
+        "\"values\": [{\"name\": \"module\", \"type\": 5, \"number\": 0, \"choice\": \"" + module +
+            "\", \"sha256\": \"\", \"origin\": 0}]");
+    std::ofstream(file) << changed;
+    more.insert(more.end(), {"--plugin-path", DREAMSEARCH_FAULTY_PLUGIN_DIR});
+    return Runner("resume", more);
+  };
+  const struct {
+    std::string module, advice;
+  } kModules[] = {{"subprocess", "--trust-module subprocess"},
+                  {"a b", "--trust-module 'a b'"},
+                  {"world.py", "--plugin-path " + place_.folder().string()},
+                  {place_.Path("elsewhere/.py"), "--plugin-path " + place_.Path("elsewhere")},
+                  {"/usr/lib/python3.11/subprocess.py", "--plugin-path /usr/lib/python3.11"}};
+  for (const auto& [module, advice] : kModules) {
+    const ProgramResult refused = resume(module, {});
+    EXPECT_EQ(refused.exit_status, 69) << refused.err;
+    EXPECT_NE(refused.err.find("in 'module' the module " + module), std::string::npos)
+        << refused.err;
+    EXPECT_NE(refused.err.find("If it is trusted, add " + advice), std::string::npos)
+        << refused.err;
+  }
+  EXPECT_EQ(resume("subprocess", {"--trust-module", "subprocesses"}).exit_status, 69);
+  const ProgramResult trusted = resume("subprocess", {"--trust-module", "subprocess"});
+  EXPECT_EQ(trusted.exit_status, 0) << trusted.err;
+}
+
 TEST_F(Stranger, ASettingOutsideItsRangeIsRefused) {
   Unfinish();
   const auto steps = place_.Value("s.db", "select env_steps_target from run");

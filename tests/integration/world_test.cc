@@ -3,7 +3,9 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <iterator>
+#include <nlohmann/json.hpp>
 
 #include "tests/integration/program.h"
 
@@ -136,6 +138,60 @@ TEST_F(WorldTest, APythonWorldKeepsItsHabitsAndIsRefusedOnceItsModulesHaveChange
   EXPECT_NE(refused.err.find("walks.py of environment 'gym:Mine' changed (SHA-256 "),
             std::string::npos)
       << refused.err;
+}
+
+// Of a run that plays a Python class: its file must be in a folder that the command names, and a
+// class of what is installed cannot stand in for it.
+TEST_F(WorldTest, ARecordedRunDecidesNoPythonThatIsPlayed) {
+  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
+  }
+  std::filesystem::copy(
+      std::filesystem::path(DREAMSEARCH_SOURCE_DIR) / "tests/plugins/env_gym/worlds.py",
+      place_.Path("worlds/worlds.py"));
+  const std::string touch = "{\"args\": [\"touch\", \"" + place_.Path("called") + "\"]}";
+  const ProgramResult begun =
+      place_.Runner(TinyRun("gym:Walk", "dreamer", "w.db",
+                            {"--set", "gym.module=worlds/worlds.py", "--set",
+                             "gym.python=/usr/bin/python3", "--set", "gym.episode_steps=100"}));
+  ASSERT_EQ(begun.exit_status, 0) << begun.err;
+  const auto eval = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"eval", "1", "--planner", "dreamer", "--db", "w.db"};
+    words.insert(words.end(), more.begin(), more.end());
+    return place_.Runner(words);
+  };
+  const ProgramResult refused = eval({});
+  EXPECT_EQ(refused.exit_status, 69) << refused.err;
+  EXPECT_NE(refused.err.find("--plugin-path " + place_.Path("worlds")), std::string::npos)
+      << refused.err;
+  const ProgramResult played = eval({"--plugin-path", "worlds"});
+  EXPECT_EQ(played.exit_status, 0) << played.err;
+
+  const std::filesystem::path file = std::filesystem::path(place_.Path("w.db.files")) /
+                                     Value("select uuid from run where run_id = 1") / "run.json";
+  nlohmann::json recorded = nlohmann::json::parse(std::ifstream(file));
+  const std::function<void(nlohmann::json&)> forge = [&](nlohmann::json& part) {
+    if (part.is_object() && part.contains("choice") && part.contains("sha256")) {
+      const std::string name = part["name"];
+      if (name == "module") part.update({{"choice", "subprocess"}, {"sha256", ""}});
+      if (name == "id") part["choice"] = "Popen";
+      if (name == "arguments") part["choice"] = touch;
+    }
+    for (nlohmann::json& inner : part) {
+      if (inner.is_structured()) forge(inner);
+    }
+  };
+  forge(recorded);
+  std::ofstream(file) << recorded;
+  const ProgramResult named = eval({"--plugin-path", "worlds"});
+  EXPECT_EQ(named.exit_status, 69) << named.err;
+  EXPECT_NE(named.err.find("--trust-module subprocess"), std::string::npos) << named.err;
+  const ProgramResult trusted = eval({"--trust-module", "subprocess"});
+  EXPECT_EQ(trusted.exit_status, 2) << trusted.err;
+  EXPECT_NE(trusted.err.find("'Popen' of module subprocess makes no environment"),
+            std::string::npos)
+      << trusted.err;
+  EXPECT_FALSE(std::filesystem::exists(place_.Path("called")));
 }
 
 TEST_F(WorldTest, AnEvaluationSaysThatTheModelFileHasChangedAndIsRefusedWithoutIt) {

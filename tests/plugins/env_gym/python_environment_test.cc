@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <string>
 #include <vector>
@@ -220,6 +222,51 @@ TEST_F(PythonEnvironmentTest, RefusesWithASentenceOfItsOwn) {
   EXPECT_THAT(Refusal(settings), HasSubstr("cannot start the interpreter '/nowhere/python3'"));
   settings.interpreter = "/bin/true";
   EXPECT_THAT(Refusal(settings), HasSubstr("/bin/true ended"));
+}
+
+TEST_F(PythonEnvironmentTest, AFunctionOfTheModuleMakesAnEnvironmentToo) {
+  const OwnedEnvironment brief = Make(World("brief"));
+  Reset(*brief, 0);
+  Take(*brief, {0, 0});
+  Take(*brief, {0, 0});
+  EXPECT_TRUE(Take(*brief, {0, 0}).result.last);
+}
+
+TEST_F(PythonEnvironmentTest, CallsNothingOfAModuleThatMakesNoEnvironment) {
+  const std::filesystem::path made = std::filesystem::path(testing::TempDir()) / "called";
+  std::filesystem::remove(made);
+  const std::string arguments = R"({"args": ["touch", ")" + made.string() + R"("]})";
+  for (const char* module : {"", "subprocess"}) {
+    PythonEnvironmentSettings settings = World("Popen", arguments);
+    if (*module != '\0') settings.module = module;
+    EXPECT_THAT(Refusal(settings), HasSubstr("expected a class with the methods reset and step"));
+  }
+  EXPECT_THAT(Refusal(World("run", R"({"popenargs": []})")), HasSubstr("makes no environment"));
+  EXPECT_FALSE(std::filesystem::exists(made));
+}
+
+TEST_F(PythonEnvironmentTest, AnIdImportsNoModule) {
+  PythonEnvironmentSettings settings = World("worlds:Walk-v0");
+  settings.module.clear();
+  EXPECT_THAT(Refusal(settings), HasSubstr("id=Walk-v0 and module=worlds"));
+}
+
+TEST_F(PythonEnvironmentTest, NoModuleIsTakenFromTheCurrentFolder) {
+  namespace fs = std::filesystem;
+  const fs::path before = fs::current_path();
+  const fs::path folder = fs::path(testing::TempDir()) / "current_folder";
+  fs::create_directories(folder);
+  for (const char* name : {"contextlib.py", "numpy.py", "near.py"}) {
+    std::ofstream(folder / name) << "open('taken', 'w')\n";
+  }
+  fs::current_path(folder);
+  EXPECT_EQ(Make(World("Walk"))->spec().observation_size, 2u);
+  PythonEnvironmentSettings settings = World("Walk");
+  settings.module = "near";
+  EXPECT_THAT(Refusal(settings), HasSubstr("a file is named with its ending: module=near.py"));
+  EXPECT_FALSE(fs::exists("taken"));
+  fs::current_path(before);
+  fs::remove_all(folder);
 }
 
 TEST_F(PythonEnvironmentTest, PassesOnWhatTheEnvironmentRaises) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -28,11 +29,13 @@ class RealWorldsTest : public testing::Test {
     }
   }
 
-  static OwnedEnvironment Make(const std::string& kind, const std::string& id) {
+  static OwnedEnvironment Make(const std::string& kind, const std::string& id,
+                               const std::string& module = "") {
     PythonEnvironmentSettings settings;
     settings.kind = kind;
     settings.interpreter = DREAMSEARCH_WORLDS "/bin/python";
     settings.id = id;
+    settings.module = module;
     settings.arguments = "{}";
     return OwnedEnvironment(new PythonEnvironment(settings));
   }
@@ -72,6 +75,15 @@ TEST_F(RealWorldsTest, PendulumHasItsRewardsItsTorqueAndItsTimeLimit) {
   EXPECT_EQ(episode.last.discount, 1);
   EXPECT_GE(*std::min_element(episode.rewards.begin(), episode.rewards.end()), -16.2736044);
   EXPECT_LE(*std::max_element(episode.rewards.begin(), episode.rewards.end()), 0);
+}
+
+TEST_F(RealWorldsTest, WhatAModuleRegistersWithGymnasiumPlays) {
+  const std::string module = testing::TempDir() + "/registers_a_world.py";
+  std::ofstream(module) << "import gymnasium\n"
+                           "gymnasium.register('Short-v3', max_episode_steps=20, entry_point="
+                           "'gymnasium.envs.classic_control:PendulumEnv')\n";
+  EXPECT_EQ(Play(*Make("gym", "Short-v3", module), 0.5).rewards.size(), 20u);
+  std::filesystem::remove(module);
 }
 
 TEST_F(RealWorldsTest, WhatFallsEndsEarlyAndTerminally) {

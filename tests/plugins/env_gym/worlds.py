@@ -2,6 +2,7 @@
 
 import os
 import struct
+from subprocess import Popen, run  # noqa: F401
 
 import numpy
 
@@ -117,6 +118,10 @@ class Crash(Walk):
 class Outdated(Walk):
     def __init__(self):
         import outdated_world  # noqa: F401
+
+
+def brief():
+    return Walk(stop=3)
 
 
 class Needy(Walk):
