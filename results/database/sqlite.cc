@@ -35,6 +35,14 @@ std::string FreeSpace(const std::string& path) {
          " bytes free there";
 }
 
+// What is written needs space, and so does what is only read: SQLite makes a file beside it.
+bool IsFull(const std::string& path) {
+  struct statvfs info;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return statvfs(folder.c_str(), &info) == 0 && info.f_bavail == 0 &&
+         (info.f_flag & ST_RDONLY) == 0;
+}
+
 std::string FileUri(const std::string& path) {
   std::string uri = "file:";
   for (const char c : path) {
@@ -92,9 +100,11 @@ int SystemError(sqlite3* handle) {
                         ShellWord(path) + " .dump | sed 's/^ROLLBACK;.*/COMMIT;/' | sqlite3 " +
                         ShellWord(path + ".saved"));
     case SQLITE_FULL:
-      throw Failure(ExitCode::kInputOutput, where + "the disk is full (" + FreeSpace(path) +
-                                                "). Make room and run the same command again.");
     case SQLITE_IOERR:
+      if ((code & 0xff) == SQLITE_FULL || system_error == ENOSPC || IsFull(path)) {
+        throw Failure(ExitCode::kInputOutput, where + "the disk is full (" + FreeSpace(path) +
+                                                  "). Make room and run the same command again.");
+      }
       if (system_error == EDQUOT) {
         throw Failure(ExitCode::kInputOutput, where +
                                                   "the quota of this user or project is used up. "

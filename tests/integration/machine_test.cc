@@ -57,6 +57,14 @@ std::vector<std::string> LongRun(const std::string& db, const std::string& steps
   return run;
 }
 
+std::vector<std::filesystem::path> Checkpoints(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> found;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() == ".ckpt") found.push_back(entry.path());
+  }
+  return found;
+}
+
 // What a run that nothing happens to ends with.
 std::string Undisturbed(const std::vector<std::string>& run) {
   const Workplace place;
@@ -202,6 +210,48 @@ TEST(FullDisk, ACheckpointThatCannotBeWrittenInterruptsTheRun) {
   const ProgramResult again = place.Runner(run);
   EXPECT_EQ(again.exit_status, 0) << again.err;
   EXPECT_EQ(Digest(place), Undisturbed(run));
+}
+
+// The advice of each message leads on: first room, then over the other run's checkpoint.
+TEST(FullDisk, WhatTheMessagesAdviseEndsARunThatAnothersCheckpointBlocks) {
+  const Workplace place, elsewhere;
+  const SmallDisk disk(place.Path("disk"));
+  if (!disk.mounted()) GTEST_SKIP() << "a file system can be mounted by root only";
+  const std::vector<std::string> run = LongRun("disk/m.db");
+  ASSERT_EQ(elsewhere.Runner(TinyRun("cartpole_balance", "random", "o.db")).exit_status, 0);
+  const pid_t pid = place.Start(run);
+  ASSERT_TRUE(HasBegun(place, "disk/m.db"));
+  disk.Fill();
+  ASSERT_EQ(place.Wait(pid).exit_status, 74);
+  disk.Empty();
+  const auto files = [](const Workplace& of, const std::string& db) {
+    return std::filesystem::path(of.Path(db + ".files")) / of.Value(db, "select uuid from run");
+  };
+  const std::filesystem::path folder = files(place, "disk/m.db");
+  for (const std::filesystem::path& path : Checkpoints(folder)) std::filesystem::remove(path);
+  const auto others = Checkpoints(files(elsewhere, "o.db"));
+  ASSERT_FALSE(others.empty());
+  for (const std::filesystem::path& other : others) {
+    std::filesystem::copy(other, folder / other.filename());
+  }
+
+  const ProgramResult blocked = place.Runner(run);
+  EXPECT_EQ(blocked.exit_status, 65) << blocked.err;
+  EXPECT_NE(blocked.err.find("--retry --replace"), std::string::npos) << blocked.err;
+  std::vector<std::string> over = run;
+  over.insert(over.end(), {"--retry", "--replace"});
+  disk.Fill();
+  const ProgramResult full = place.Runner(over);
+  EXPECT_EQ(full.exit_status, 74) << full.err;
+  EXPECT_NE(full.err.find("the disk is full (0 bytes free there). Make room and run the same "
+                          "command again."),
+            std::string::npos)
+      << full.err;
+  disk.Empty();
+  const ProgramResult again = place.Runner(over);
+  EXPECT_EQ(again.exit_status, 0) << again.err;
+  EXPECT_EQ(place.Value("disk/m.db", "select status, result_digest from run"),
+            "finished|" + Undisturbed(LongRun("m.db")));
 }
 
 // Runs the body with a variable of the environment set, which programs started by it inherit.
