@@ -1,11 +1,9 @@
 #include "host/films/film_writer.h"
 
-#include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -84,16 +82,11 @@ class Video final : public FilmWriter {
     std::vector<char*> argv = ArgumentVector(&words);
 
     messages_ = MemoryFile("");
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) {
-      throw Failure(ExitCode::kInputOutput,
-                    std::string("cannot make a pipe: ") + std::strerror(errno));
-    }
-    const FileDescriptor read(ends[0]);
-    pipe_ = FileDescriptor(ends[1]);
+    Pipe pipe = MakePipe(EmptyPipe::kBlocks);
+    pipe_ = std::move(pipe.write);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, read.get(), 0);
+    posix_spawn_file_actions_adddup2(&actions, pipe.read.get(), 0);
     posix_spawn_file_actions_adddup2(&actions, messages_.get(), 1);
     posix_spawn_file_actions_adddup2(&actions, messages_.get(), 2);
     const int error = ::posix_spawnp(&pid_, "ffmpeg", &actions, nullptr, argv.data(), environ);

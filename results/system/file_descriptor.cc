@@ -16,7 +16,7 @@ void FileDescriptor::Close() {
   fd_ = -1;
 }
 
-Pipe MakePipe() {
+Pipe MakePipe(EmptyPipe when_empty) {
   constexpr int kLeast = 10;
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) throw SystemFailure("make a pipe", errno);
@@ -24,7 +24,7 @@ Pipe MakePipe() {
   Pipe high{FileDescriptor(::fcntl(ends[0], F_DUPFD_CLOEXEC, kLeast)),
             FileDescriptor(::fcntl(ends[1], F_DUPFD_CLOEXEC, kLeast))};
   if (high.read.get() < 0 || high.write.get() < 0) throw SystemFailure("make a pipe", errno);
-  ::fcntl(high.read.get(), F_SETFL, O_NONBLOCK);
+  if (when_empty == EmptyPipe::kFails) ::fcntl(high.read.get(), F_SETFL, O_NONBLOCK);
   return high;
 }
 

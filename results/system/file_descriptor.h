@@ -33,11 +33,13 @@ class FileDescriptor {
 
 // Both ends have numbers of 10 and more, above those at which a child expects what it is handed.
 struct Pipe {
-  FileDescriptor read;   // non-blocking
+  FileDescriptor read;
   FileDescriptor write;  // blocking
 };
+// What reading from an empty pipe does; a child that is handed the end reads as it is.
+enum class EmptyPipe { kFails, kBlocks };
 // As SystemFailure says.
-Pipe MakePipe();
+Pipe MakePipe(EmptyPipe when_empty = EmptyPipe::kFails);
 
 // Reads a descriptor to its end. Throws Failure 74.
 std::string ReadAll(int fd);
