@@ -112,6 +112,13 @@ boost::dll::shared_library LoadLibrary(const std::string& path, const FloatingPo
     library.load(path, boost::dll::load_mode::rtld_now | boost::dll::load_mode::rtld_local);
   } catch (const std::system_error& error) {
     RefusePlugin(path, "the dynamic loader says: " + LoaderSentence(error.what(), path));
+  } catch (const std::exception& error) {
+    // What an initialiser throws ends the process in most dynamic loaders, and passes through
+    // others.
+    throw Failure(ExitCode::kPluginCrashed, "plugin " + path +
+                                                ": crashed while it was loaded: an exception left "
+                                                "an initialiser: " +
+                                                error.what());
   }
   const std::string changes = guard.Changes();
   if (!changes.empty()) {
