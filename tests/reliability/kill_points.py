@@ -99,6 +99,9 @@ def main():
             passed += 1
             if passed <= options.skip:
                 continue
+            if passed % 100 == 0:
+                print("point %d: %d kills, %d faults" % (passed, killed, len(faults.found)),
+                      flush=True)
             where = "%s, call %d" % (who, n)
             with run.Place() as folder:
                 with run.Witness(folder / "r.db") as witness:
