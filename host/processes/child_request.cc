@@ -25,7 +25,7 @@ namespace {
 
 // How often the child's memory is looked at.
 constexpr double kMemorySeconds = 0.05;
-constexpr double kSilentSeconds = 10;
+constexpr double kUnannouncedSeconds = 10;
 
 }  // namespace
 
@@ -46,7 +46,7 @@ nlohmann::json AskChild(const ChildRequest& request, const nlohmann::json& conte
   for (;;) {
     // A constructor without end would otherwise be silent until the timeout.
     if (!said && request.timeout_seconds > 0 &&
-        deadline - ActivityClock::Now() < request.timeout_seconds - kSilentSeconds) {
+        deadline - ActivityClock::Now() < request.timeout_seconds - kUnannouncedSeconds) {
       said = true;
       std::cerr << "waiting for the components of " << request.who << ", for at most "
                 << FormatDuration(request.timeout_seconds) << std::endl;
