@@ -1,6 +1,7 @@
 #include "host/acting/components.h"
 
 #include <cmath>
+#include <cstring>
 #include <sstream>
 
 #include "host/plugins/call_site.h"

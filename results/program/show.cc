@@ -1,5 +1,4 @@
 // results show RUN - what is known about one run?
-#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
