@@ -17,6 +17,7 @@
 #include "results/database/file_system.h"
 #include "results/database/schema.h"
 #include "results/system/file.h"
+#include "results/system/sha256.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -497,6 +498,11 @@ void Database::Migrate() {
     db.Execute(Migrations()[static_cast<std::size_t>(v)]);
   }
   db.Execute(CreateViews());
+  std::map<std::int64_t, std::string> docs;
+  Statement metrics = db.Prepare("SELECT metric_id, doc FROM metric WHERE doc_sha256 = ''");
+  while (metrics.Step()) docs[metrics.Int(0)] = metrics.Text(1);
+  Statement write = db.Prepare("UPDATE metric SET doc_sha256 = ?2 WHERE metric_id = ?1");
+  for (const auto& [metric, doc] : docs) write.Bind(metric, Sha256Hex(doc)).Run();
   db.Execute("PRAGMA user_version = " + std::to_string(SchemaVersion()) +
              "; PRAGMA application_id = " + std::to_string(kApplicationId));
 }

@@ -9,6 +9,7 @@
 #include "results/database/schema.h"
 #include "results/system/error.h"
 #include "results/system/machine_fault.h"
+#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -188,8 +189,10 @@ std::int64_t RunWriter::Metric(const std::string& name, const std::string& unit,
   std::int64_t id = 0;
   connection_.Transact([&] {
     connection_
-        .Prepare("INSERT INTO metric (name, unit, doc) VALUES (?1, ?2, ?3) ON CONFLICT DO NOTHING")
-        .Bind(name, unit, doc)
+        .Prepare(
+            "INSERT INTO metric (name, unit, doc, doc_sha256) VALUES (?1, ?2, ?3, ?4)"
+            " ON CONFLICT DO NOTHING")
+        .Bind(name, unit, doc, Sha256Hex(doc))
         .Run();
     Statement find =
         connection_.Prepare("SELECT metric_id FROM metric WHERE name = ?1 AND unit = ?2");

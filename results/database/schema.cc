@@ -373,6 +373,11 @@ ALTER TABLE segment ADD COLUMN slurm_restarts INTEGER;
 ALTER TABLE segment ADD COLUMN slurm_node TEXT;
 )sql";
 
+// No run's digest can answer for what a metric's doc says: runs of other versions of a plugin share
+// the row. Database::Migrate fills it where rows are.
+constexpr char kMetricDigests[] =
+    "ALTER TABLE metric ADD COLUMN doc_sha256 TEXT NOT NULL DEFAULT '';";
+
 }  // namespace
 
 const std::vector<std::string>& Migrations() {
@@ -384,6 +389,7 @@ const std::vector<std::string>& Migrations() {
       "",  // v_matrix has a line for each configuration.
       kProcessorTime,
       "",  // The views tell versions apart.
+      kMetricDigests,
   };
   return migrations;
 }

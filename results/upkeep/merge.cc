@@ -129,8 +129,8 @@ class Merger {
   void MapMetrics() {
     db_.Transact([this] {
       db_.Execute(
-          "INSERT INTO metric (name, unit, doc) SELECT name, unit, doc FROM source.metric"
-          " WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING");
+          "INSERT INTO metric (name, unit, doc, doc_sha256) SELECT name, unit, doc, doc_sha256"
+          " FROM source.metric WHERE true ORDER BY name, unit ON CONFLICT DO NOTHING");
       Statement rows = db_.Prepare(
           "SELECT m.metric_id, s.metric_id FROM source.metric s JOIN main.metric m USING (name,"
           " unit)");

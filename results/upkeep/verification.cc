@@ -202,6 +202,16 @@ void VerifySchema(Database* database, std::vector<std::string>* problems) {
   }
 }
 
+// What metrics mean, which runs share.
+void VerifyMetrics(Connection& db, std::vector<std::string>* problems) {
+  Statement metrics = db.Prepare("SELECT name, doc, doc_sha256 FROM metric");
+  while (metrics.Step()) {
+    if (Sha256Hex(metrics.Text(1)) != metrics.Text(2)) {
+      problems->push_back("metric " + metrics.Text(0) + ": its doc does not have its SHA-256");
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> WhyNotAsWritten(Database* database, const RunInfo& run) {
@@ -226,6 +236,7 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
                        " that is not there");
   }
   VerifySchema(database, &problems);
+  VerifyMetrics(db, &problems);
   for (const RunInfo& run : database->ListRuns(filter)) VerifyRun(database, run, &problems);
   db.Execute("COMMIT");
   return problems;

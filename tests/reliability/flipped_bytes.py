@@ -39,7 +39,6 @@ def content(path):
         return repr(error)
 
 
-# `sqlite_stat1`, `metric.doc` and the like are not of the results; changes of them may be missed.
 READERS = (("list",), ("show", "1"), ("curves",), ("report", "r.html"), ("compare",))
 
 

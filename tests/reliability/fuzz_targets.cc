@@ -76,11 +76,14 @@ Target Configuration() {
       "# a sweep\nenv = walker_walk\nplanner = cem\nseeds = 3\nset = run.steps=100\nsteps = 1000\n";
   std::vector<ParameterInfo> parameters;
   for (const ParameterSpec& spec : kRunParameters) parameters.push_back(DescribeParameter(spec));
-  return [=, path = MemoryPath()](Random* random) {
+  struct Command {
     RunOptions options;
-    const CommandSpec command = RunFlags(&options);
+    CommandSpec spec = RunFlags(&options);
+  };
+  const auto command = std::make_shared<Command>();
+  return [=, path = MemoryPath()](Random* random) {
     MayRefuse(ExitCode::kBadInput,
-              [&] { ReadFlagsFile(command, path.Holding(Changed(flags, random))); });
+              [&] { ReadFlagsFile(command->spec, path.Holding(Changed(flags, random))); });
     const std::string changed = Changed(run_file, random);
     const nlohmann::json stored = results::ParseJsonOrDiscard(changed);
     if (stored.is_structured()) results::JsonTextReplacing(stored.flatten());

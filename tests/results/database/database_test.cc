@@ -203,12 +203,14 @@ TEST(Database, OlderSchemasAreBroughtUpToDate) {
                   " INSERT INTO run (run_id, uuid, study_id, task_id, planner, model, config_id,"
                   " preset, seed, action_repeat, env_steps_target, log_path, argv, build_id,"
                   " created_utc) VALUES (1, 'u', 1, 1, 'p', 'm', 1, '', 0, 1, 1, '', '', 1, '');"
-                  " INSERT INTO chunk_digest VALUES (1, 'step', 1, 10000, 3, 4)");
+                  " INSERT INTO chunk_digest VALUES (1, 'step', 1, 10000, 3, 4);"
+                  " INSERT INTO metric (name, unit, doc) VALUES ('loss', '', 'a loss')");
     }
     const auto reader = Database::OpenReadOnly(path);
     EXPECT_EQ(Count(reader.get(), "PRAGMA user_version"), SchemaVersion());
     EXPECT_EQ(reader->GetRun(1)->study, "kept");
     EXPECT_EQ(Count(reader.get(), "SELECT n_rows FROM chunk_digest"), 3);
+    EXPECT_EQ(reader->connection().QueryText("SELECT doc_sha256 FROM metric"), Sha256Hex("a loss"));
     EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_final"), 0);
     EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_run"), 1);
     EXPECT_EQ(Count(reader.get(), "SELECT * FROM mine"), 7);
@@ -227,12 +229,7 @@ TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
     MakeRun(db.get(), {.seed = 0});
     MakeRun(db.get(), {.seed = 1});
     db->connection().Execute(DropViews() +
-                             "; ALTER TABLE time_use DROP COLUMN processor_seconds;"
-                             " ALTER TABLE time_use DROP COLUMN gflop;"
-                             " ALTER TABLE segment DROP COLUMN gflop_per_second;"
-                             " ALTER TABLE segment DROP COLUMN slurm_restarts;"
-                             " ALTER TABLE segment DROP COLUMN slurm_node;"
-                             " PRAGMA user_version = " +
+                             "; ALTER TABLE metric DROP COLUMN doc_sha256; PRAGMA user_version = " +
                              std::to_string(SchemaVersion() - 1));
   }
   const auto beat = [&](const std::string& status, double seconds_ago) {

@@ -19,7 +19,7 @@ class VerificationTest : public testing::Test {
     const std::int64_t run = db_->CreateRun(row).run_id;
     RunWriter writer(db_.get(), run);
     writer.BeginSegment(MakeSegment(db_.get()));
-    const std::int64_t metric = writer.Metric("loss");
+    const std::int64_t metric = writer.Metric("loss", "nats", "a loss");
     for (std::int64_t i = 1; i <= 60; ++i) {
       writer.AddStep({.env_step = i * 500,
                       .episode = i - 1,
@@ -126,6 +126,7 @@ TEST_F(VerificationTest, FindsAChangeInAnythingElseOfARunThatHasEnded) {
            {"UPDATE segment SET slurm_node = 'n1'", "UPDATE segment SET slurm_node = NULL"},
            {"UPDATE event SET detail = 'After the end'",
             "UPDATE event SET detail = 'after the end'"},
+           {"UPDATE metric SET doc = 'a lost'", "UPDATE metric SET doc = 'a loss'"},
            {"UPDATE study SET name = 'defaulu'", "UPDATE study SET name = 'default'"}}) {
     db_->connection().Execute(change);
     EXPECT_EQ(Problems(), 1u) << change;
