@@ -69,11 +69,17 @@ void LearnModel(const Step<T>& step, const Stops<T>* stops, Lane<T>* lane) {
       targets(0, j) = !first && targets(0, j) < values(0, j) ? targets(0, j) : values(0, j);
     }
   }
-  for (Index j = 0; j < n; ++j) {
-    const T value = WithSearchValue(step.batch, RowOf(step, *lane, b + j),
-                                    settings.search_value_weight, targets(0, j));
+  const T lambda = static_cast<T>(settings.lambda);
+  for (Index j = n - 1; j >= 0; --j) {
+    T value = WithSearchValue(step.batch, RowOf(step, *lane, b + j), settings.search_value_weight,
+                              targets(0, j));
+    if (lambda > 0 && j + b < n && decay[j + b] > 0) {
+      value += lambda * (targets(0, j + b) - value);
+    }
     targets(0, j) = lane->rewards.data()[j] +
                     static_cast<T>(settings.discount) * lane->continues.data()[j] * value;
+  }
+  for (Index j = 0; j < n; ++j) {
     if (decay[j] > 0) losses[kTargetMean] += mean * static_cast<double>(targets(0, j));
   }
   if (stops != nullptr) std::copy(stops->targets.begin(), stops->targets.end(), targets.data);

@@ -5,7 +5,8 @@
 //
 //   model loss  sum_t rho^t / H ( w_c mean (z_{t+1} - h(o_{t+1}))^2 + w_r CE(R(z_t, a_t), r_t)
 //                                 + w_q mean_k CE(Q_k(z_t, a_t), y_t) ) + w_e BCE(continuation)
-//   y_t = r_t + gamma c_t min_k Q'_k(h(o_{t+1}), a'),  a' ~ pi(h(o_{t+1})),  c_t 0 at an end
+//   y_t = r_t + gamma c_t ((1 - lambda) min_k Q'_k(h(o_{t+1}), a') + lambda y_{t+1}),
+//                                       a' ~ pi(h(o_{t+1})),  c_t 0 at an end
 //   actor loss  - sum_t rho^t / (H + 1) mean ( mean_k Q_k(z_t, a) / S + e A (- ln pi(a | z_t))
 //                                              - w_p nll(z_t) )
 //
@@ -13,8 +14,8 @@
 // w_v; nll of the candidates is that of search_targets.h, 0 where o_t was not searched.
 //
 // Means are over the batch; where an episode ends inside a sequence, the steps from there on
-// count for nothing. h(o_{t+1}), y_t and the actor's z_t are fixed; Q' are the slow
-// critics, S the return scale before the update.
+// count for nothing. The last step of a sequence has no y_{t+1}, and lambda there is 0. h(o_{t+1}),
+// y_t and the actor's z_t are fixed; Q' are the slow critics, S the return scale before the update.
 #pragma once
 
 #include <array>

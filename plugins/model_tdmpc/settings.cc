@@ -68,6 +68,11 @@ constexpr auto kSettings = BindSettings<Settings>(
     Bind<&Settings::discount>(RealParameter(
         "discount", 0.99, 0, 1, "",
         "Discount gamma of one decision. [paper: 0.99 for episodes of 500 decisions]")),
+    Bind<&Settings::lambda>(
+        RealParameter("lambda", 0, 0, 1, "",
+                      "Share of the next step's target in the value that a critic's target goes on "
+                      "with: 0 trusts the critics after one step [paper], 1 at the end of the "
+                      "training's sequence [MR.Q, Fujimoto et al. 2025: 3 steps].")),
     Bind<&Settings::target_of_all>(
         ChoiceParameter("target", "two", "two,all",
                         "The critics whose least value is the target: two drawn for each update "
@@ -92,7 +97,7 @@ constexpr auto kSettings = BindSettings<Settings>(
         RealParameter("search_policy_weight", 0.1, 0, 1e3, "",
                       "Factor of the actor's imitation of searches (run.search_targets). [ours]")),
     Bind<&Settings::search_value_weight>(RealParameter(
-        "search_value_weight", 0.25, 0, 1, "",
+        "search_value_weight", 0, 0, 1, "",
         "Share of a search's value in the critic's target of the state searched. [ours]")),
 
     Bind<&Settings::learning_rate>(

@@ -37,6 +37,7 @@ struct Settings {
   double value_weight{};
   double continuation_weight{};
   double discount{};
+  double lambda{};
   bool target_of_all{};
   double target_rate{};
   double min_log_std{};

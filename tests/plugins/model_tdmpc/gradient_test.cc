@@ -36,6 +36,7 @@ const Variant kVariants[] = {
        s->consistency_weight = 3;
        s->reward_weight = 2;
        s->value_weight = 5;
+       s->lambda = 0.6;
        s->continuation_weight = 0.4;
        s->entropy_scale = 0.3;
        s->search_policy_weight = 0.8;

@@ -28,7 +28,7 @@ SETTINGS = {
     "simplices", "encoder_width", "encoder_layers", "width", "layers", "critics", "bins",
     "bin_range", "normalise_observations", "observation_floor", "observation_clip", "rho",
     "consistency_weight", "reward_weight", "value_weight", "continuation_weight", "discount",
-    "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale", "return_scale_rate",
+    "lambda", "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale", "return_scale_rate",
     "search_policy_weight", "search_value_weight",
     "learning_rate", "encoder_rate_factor", "actor_learning_rate", "adam_epsilon",
     "actor_adam_epsilon", "gradient_clip",
@@ -138,6 +138,8 @@ class Agent(GoldenAgent):
         actions, rewards = sequence("actions", self.a)[1:], sequence("rewards")[1:]
         discounts = sequence("discounts")
         self.ends_seen = self.ends_seen or bool((discounts == 0).any())
+        # A step counts until the first that arrives in another episode.
+        inside = (sequence("is_first")[1:] == 0).double().cumprod(0)
         encoded = nets.encode(observations)
         arrived = encoded[1:].detach()
         with torch.no_grad():
@@ -150,6 +152,10 @@ class Agent(GoldenAgent):
             least = torch.cat([torch.zeros(1, b), least])  # of every observation but the first
             value = searches.mix(s.search_value_weight, least)[1:]
             targets = rewards + s.discount * discounts[1:] * value
+            for i in reversed(range(steps - 1)):
+                share = getattr(s, "lambda") * inside[i + 1]
+                ahead = (1 - share) * value[i] + share * targets[i + 1]
+                targets[i] = rewards[i] + s.discount * discounts[i + 1] * ahead
 
         latents = [encoded[0]]
         for step in range(steps):
@@ -157,8 +163,6 @@ class Agent(GoldenAgent):
         latents = torch.stack(latents)
         before, after = latents[:-1], latents[1:]
         rho = s.rho ** torch.arange(steps).unsqueeze(-1)
-        # A step counts until the first that arrives in another episode.
-        inside = (sequence("is_first")[1:] == 0).double().cumprod(0)
         count = inside.sum()
         self.inside = torch.cat([torch.ones(1, b), inside])
 

@@ -41,6 +41,7 @@ GoldenCase CaseOf(const std::string& name) {
                   {"reward_weight", 0.8},
                   {"value_weight", 0.6},
                   {"continuation_weight", 0.4},
+                  {"lambda", 0.8},
                   {"target_rate", 0.2},
                   {"min_log_std", -3},
                   {"max_log_std", 1},
