@@ -235,7 +235,12 @@ void Database::Prepare(OpenMode mode) {
   Connection& db = *connection_;
   const auto ours = [&db] { return db.QueryInt("PRAGMA application_id") == kApplicationId; };
   const auto version = [&db] { return db.QueryInt("PRAGMA user_version").value_or(0); };
-  const auto marked = [&] { return ours() && version() != 0; };
+  // A file that says it is older than its tables would be brought up to date twice.
+  const auto marked = [&] {
+    if (!ours() || version() == 0) return false;
+    return version() < 0 || version() >= SchemaVersion() ||
+           SchemaOfTables().value_or(0) <= version();
+  };
   const auto blank = [&] {
     return db.QueryInt("PRAGMA application_id") == 0 && version() == 0 &&
            db.QueryInt("SELECT count(*) FROM sqlite_schema") == 0;
@@ -444,7 +449,8 @@ void Database::DistrustViews() {
   }
 }
 
-// Gives a file back the two marks that SQL text does not carry. Its views are made anew.
+// Gives a file the two marks that its tables should have: SQL text does not carry them, and a
+// damaged file may have others. Its views are made anew.
 void Database::Mark(std::int64_t schema, OpenMode mode) {
   Connection& db = *connection_;
   const std::string marks = "PRAGMA application_id = " + std::to_string(kApplicationId) +
@@ -452,21 +458,21 @@ void Database::Mark(std::int64_t schema, OpenMode mode) {
   if (mode == OpenMode::kReadOnly) {
     throw Failure(ExitCode::kPermission,
                   path() +
-                      ": has the tables of a results database, but has lost its application_id and "
-                      "user_version, as files rebuilt from SQL text do, and this user may not "
-                      "write it. Give them back to a copy: sqlite3 COPY '" +
+                      ": has the tables of a results database, but not their application_id and "
+                      "user_version, which files rebuilt from SQL text have lost, and this user "
+                      "may not write it. Give them to a copy: sqlite3 COPY '" +
                       marks + "'");
   }
   db.Transact([&] {
     // Another process may have been faster.
     if (db.QueryInt("PRAGMA application_id") == kApplicationId &&
-        db.QueryInt("PRAGMA user_version").value_or(0) != 0) {
+        db.QueryInt("PRAGMA user_version").value_or(0) >= schema) {
       return;
     }
     db.Execute(marks);
   });
   warnings_.push_back(path() +
-                      ": had the tables of a results database without its application_id and "
+                      ": had the tables of a results database without their application_id and "
                       "user_version, as files rebuilt from SQL text have; they were set.");
 }
 

@@ -220,6 +220,20 @@ TEST(Database, OlderSchemasAreBroughtUpToDate) {
   }
 }
 
+// A damaged mark, or one that somebody set: the tables know better, and are not altered twice.
+TEST(Database, AMarkThatIsOlderThanTheTablesIsMended) {
+  for (std::int64_t version = 1; version < SchemaVersion(); ++version) {
+    const TemporaryFolder folder;
+    const std::string path = folder / "new.db";
+    MakeRun(Database::OpenOrCreate(path).get(), {});
+    Connection(path, OpenMode::kReadWrite)
+        .Execute("PRAGMA user_version = " + std::to_string(version));
+    const auto db = Database::OpenReadOnly(path);
+    EXPECT_EQ(Count(db.get(), "PRAGMA user_version"), SchemaVersion());
+    EXPECT_EQ(Count(db.get(), "SELECT count(*) FROM v_run"), 1);
+  }
+}
+
 // The older program that runs it would find a schema it does not know.
 TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
   const TemporaryFolder folder;
