@@ -235,12 +235,6 @@ void Database::Prepare(OpenMode mode) {
   Connection& db = *connection_;
   const auto ours = [&db] { return db.QueryInt("PRAGMA application_id") == kApplicationId; };
   const auto version = [&db] { return db.QueryInt("PRAGMA user_version").value_or(0); };
-  // A file that says it is older than its tables would be brought up to date twice.
-  const auto marked = [&] {
-    if (!ours() || version() == 0) return false;
-    return version() < 0 || version() >= SchemaVersion() ||
-           SchemaOfTables().value_or(0) <= version();
-  };
   const auto blank = [&] {
     return db.QueryInt("PRAGMA application_id") == 0 && version() == 0 &&
            db.QueryInt("SELECT count(*) FROM sqlite_schema") == 0;
@@ -248,9 +242,10 @@ void Database::Prepare(OpenMode mode) {
 
   const bool create = mode == OpenMode::kCreate && blank();
   const bool lost = ours() || db.QueryInt("PRAGMA application_id") == 0;  // or another program's
-  if (!create && !marked() && lost) {
+  if (!create && lost && (!ours() || (version() >= 0 && version() < SchemaVersion()))) {
+    // What says it is older than its tables would be brought up to date twice.
     const std::optional<std::int64_t> schema = SchemaOfTables();
-    if (schema) Mark(*schema, mode);
+    if (schema && (!ours() || *schema > version())) Mark(*schema, mode);
   }
   if (!create && !ours()) {
     throw Failure(ExitCode::kBadInput,

@@ -28,8 +28,8 @@ SETTINGS = {
     "simplices", "encoder_width", "encoder_layers", "width", "layers", "critics", "bins",
     "bin_range", "normalise_observations", "observation_floor", "observation_clip", "rho",
     "consistency_weight", "reward_weight", "value_weight", "continuation_weight", "discount",
-    "lambda", "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale", "return_scale_rate",
-    "search_policy_weight", "search_value_weight",
+    "lambda", "target", "target_rate", "min_log_std", "max_log_std", "entropy_scale",
+    "return_scale_rate", "search_policy_weight", "search_value_weight",
     "learning_rate", "encoder_rate_factor", "actor_learning_rate", "adam_epsilon",
     "actor_adam_epsilon", "gradient_clip",
 }
@@ -154,8 +154,7 @@ class Agent(GoldenAgent):
             targets = rewards + s.discount * discounts[1:] * value
             for i in reversed(range(steps - 1)):
                 share = getattr(s, "lambda") * inside[i + 1]
-                ahead = (1 - share) * value[i] + share * targets[i + 1]
-                targets[i] = rewards[i] + s.discount * discounts[i + 1] * ahead
+                targets[i] += s.discount * discounts[i + 1] * share * (targets[i + 1] - value[i])
 
         latents = [encoded[0]]
         for step in range(steps):
