@@ -21,7 +21,8 @@ namespace {
 // Not inlined, so that the compiler does not see a throw in a noexcept function.
 [[gnu::noinline]] void Throw() { throw std::runtime_error("thrown on purpose"); }
 
-[[gnu::noinline]] void WriteToNull() {
+// A signal also where UBSan would end the process before.
+[[gnu::noinline, gnu::no_sanitize("null")]] void WriteToNull() {
   volatile int* const volatile null = nullptr;
   *null = 1;
 }

@@ -104,7 +104,10 @@ TEST(Tdmpc, InterruptedBetweenUpdatesOfAnEpisodeAndResumedGivesTheSameDigest) {
   for (int attempt = 0; attempt < 20 && stopped % 1000 == 0; ++attempt) {
     const pid_t pid = place.Start(arguments("parts.db"));
     std::string done;
-    for (int i = 0; i < 2000 && (done.empty() || done == "NULL" || std::stoi(done) < 1000); ++i) {
+    const auto waits = [&] {
+      return done.empty() || done == "NULL" || std::stoi(done) <= std::max(stopped, 999);
+    };
+    for (int i = 0; i < 2000 && waits(); ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
       done = place.Value("parts.db", "SELECT max(env_step) FROM step");
     }
