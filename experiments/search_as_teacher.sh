@@ -3,7 +3,7 @@
 # 2, 50,000 environment steps, with `run.search_targets` (studies "MODEL, taught") and without it
 # ("MODEL"); everything else is the same, and the search that acts is that of tdmpc_100k.cfg. Seeds
 # go outermost, so what is finished is balanced at any moment. Given again it goes on where it
-# stopped. About 12 core-minutes a run, 24 runs. Prints the table of results/published/search_as_teacher.md.
+# stopped. About 12 core-minutes a run, 24 runs. Prints a table.
 #   experiments/search_as_teacher.sh [DATABASE]
 # TASKS, MODELS and SEEDS name others (walker_walk,cheetah_run, tdmpc dreamer, 0 1 2).
 set -euo pipefail
