@@ -241,11 +241,12 @@ void Database::Prepare(OpenMode mode) {
   };
 
   const bool create = mode == OpenMode::kCreate && blank();
-  const bool lost = ours() || db.QueryInt("PRAGMA application_id") == 0;  // or another program's
-  if (!create && lost && (!ours() || (version() >= 0 && version() < SchemaVersion()))) {
+  const bool foreign = !ours() && db.QueryInt("PRAGMA application_id") != 0;
+  const std::int64_t marked = ours() ? version() : 0;
+  if (!create && !foreign && marked >= 0 && marked < SchemaVersion()) {
     // What says it is older than its tables would be brought up to date twice.
     const std::optional<std::int64_t> schema = SchemaOfTables();
-    if (schema && (!ours() || *schema > version())) Mark(*schema, mode);
+    if (schema && *schema > marked) Mark(*schema, mode);
   }
   if (!create && !ours()) {
     throw Failure(ExitCode::kBadInput,
