@@ -21,16 +21,6 @@ constexpr char kDigests[] =
 
 constexpr char kOpenSegment[] = "select pid from segment where ended_utc is null";
 
-// Waits until the first run has recorded a decision past `env_step`.
-bool WaitForStep(const Workplace& place, const std::string& db, int env_step) {
-  for (int i = 0; i < 2000; ++i) {
-    const std::string done = place.Value(db, "select max(env_step) from step");
-    if (!done.empty() && done != "NULL" && std::stoi(done) >= env_step) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return false;
-}
-
 class DeterminismTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -90,7 +80,7 @@ TEST_F(DeterminismTest, InterruptedInMidEvaluationAndResumedGivesTheSameDigest) 
 
 TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
   const pid_t pid = place_->Start(Arguments("stopped.db", "1"));
-  ASSERT_TRUE(WaitForStep(*place_, "stopped.db", 1100));
+  ASSERT_TRUE(place_->WaitForStep("stopped.db", 1100));
   ::kill(pid, SIGINT);
   const ProgramResult stopped = place_->Wait(pid);
   EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
@@ -113,7 +103,7 @@ TEST_F(DeterminismTest, InterruptedInMidEpisodeAndResumedGivesTheSameDigest) {
 // As Slurm and systemd do it: all processes hear it, the worker also from its supervisor.
 TEST_F(DeterminismTest, AStopSignalToSupervisorAndWorkerLeavesACheckpoint) {
   const pid_t pid = place_->Start(Arguments("job.db", "1"));
-  ASSERT_TRUE(WaitForStep(*place_, "job.db", 1100));
+  ASSERT_TRUE(place_->WaitForStep("job.db", 1100));
   const pid_t worker = std::stoi(place_->Value("job.db", kOpenSegment));
   ::kill(worker, SIGUSR1);
   ::kill(worker, SIGTERM);
@@ -143,7 +133,7 @@ TEST_F(DeterminismTest, SignalsThatComeTwiceInAJobOfSlurmLeaveACheckpoint) {
   for (const auto& [name, value] : variables) ::setenv(name, value, 1);
   const pid_t pid = place_->Start(Arguments("slurm.db", "1"));
   for (const auto& [name, value] : variables) ::unsetenv(name);
-  ASSERT_TRUE(WaitForStep(*place_, "slurm.db", 1100));
+  ASSERT_TRUE(place_->WaitForStep("slurm.db", 1100));
   for (const int signal : {SIGUSR2, SIGTERM, SIGXCPU, SIGTERM}) ::kill(pid, signal);
   const ProgramResult stopped = place_->Wait(pid);
   EXPECT_EQ(stopped.exit_status, 75) << stopped.err;
@@ -168,7 +158,7 @@ TEST_F(DeterminismTest, SignalsThatComeTwiceInAJobOfSlurmLeaveACheckpoint) {
 // The system repeats it every second once a process has used its processor time.
 TEST_F(DeterminismTest, ARepeatedSigxcpuLeavesACheckpoint) {
   const pid_t pid = place_->Start(Arguments("limit.db", "1"));
-  ASSERT_TRUE(WaitForStep(*place_, "limit.db", 1100));
+  ASSERT_TRUE(place_->WaitForStep("limit.db", 1100));
   for (int i = 0; i < 3; ++i) {
     ::kill(pid, SIGXCPU);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -184,7 +174,7 @@ TEST_F(DeterminismTest, ARepeatedSigxcpuLeavesACheckpoint) {
 
 TEST_F(DeterminismTest, AWorkerWhoseSupervisorDiedLeavesACheckpoint) {
   const pid_t pid = place_->Start(Arguments("orphan.db", "1"));
-  ASSERT_TRUE(WaitForStep(*place_, "orphan.db", 1100));
+  ASSERT_TRUE(place_->WaitForStep("orphan.db", 1100));
   ::kill(pid, SIGKILL);
   place_->Wait(pid);
   for (int i = 0; i < 2000 && !place_->Value("orphan.db", kOpenSegment).empty(); ++i) {
@@ -201,7 +191,7 @@ TEST_F(DeterminismTest, WorkersKilledAtAnyMomentAndResumedGiveTheSameDigest) {
   const std::string kill_workers = "pkill -KILL -P ";
   for (const int env_step : {500, 1500, 2600, 3500}) {
     const pid_t pid = place_->Start(Arguments("killed.db", "1"));
-    if (WaitForStep(*place_, "killed.db", env_step)) {
+    if (place_->WaitForStep("killed.db", env_step)) {
       // The supervisor outlives its worker and says what happened. Between two runs it has none.
       int status = 1;
       for (int i = 0; i < 2000 && status != 0; ++i) {
@@ -220,7 +210,7 @@ TEST_F(DeterminismTest, WorkersKilledAtAnyMomentAndResumedGiveTheSameDigest) {
 
 TEST_F(DeterminismTest, TwoRunnersShareADatabaseWithoutDisturbingEachOther) {
   const pid_t first = place_->Start(Arguments("shared.db", "1"));
-  ASSERT_TRUE(WaitForStep(*place_, "shared.db", 100));
+  ASSERT_TRUE(place_->WaitForStep("shared.db", 100));
   const ProgramResult second = place_->Runner(Arguments("shared.db", "1"));
   const ProgramResult result = place_->Wait(first);
   EXPECT_EQ(result.exit_status, 0) << result.err;

@@ -112,6 +112,15 @@ std::string Workplace::Value(const std::string& db, const std::string& sql) cons
   return rows.empty() ? "" : rows[0];
 }
 
+bool Workplace::WaitForStep(const std::string& db, int env_step, int seconds) const {
+  for (int i = 0; i < 200 * seconds; ++i) {
+    const std::string done = Value(db, "select max(env_step) from step");
+    if (!done.empty() && done != "NULL" && std::stoi(done) >= env_step) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
 std::vector<std::string> TinyRun(const std::string& environment, const std::string& planner,
                                  const std::string& db, const std::vector<std::string>& more) {
   std::vector<std::string> arguments = {"--env", environment, "--planner", planner,

@@ -38,6 +38,9 @@ class Workplace {
   // or the table is not there.
   std::vector<std::string> Query(const std::string& db, const std::string& sql) const;
   std::string Value(const std::string& db, const std::string& sql) const;
+  // Waits, for `seconds` at most, until a decision at `env_step` or later is recorded; whether one
+  // is.
+  bool WaitForStep(const std::string& db, int env_step, int seconds = 10) const;
 
  private:
   std::filesystem::path folder_;

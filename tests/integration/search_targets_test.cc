@@ -2,9 +2,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <chrono>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "tests/integration/program.h"
@@ -98,11 +96,7 @@ TEST_P(SearchTargets, JobsThreadsAndInterruptionsChangeNoDigest) {
   const std::string whole = Digests(With(Run("whole.db", on), {"--jobs", "2"}), "whole.db");
   EXPECT_EQ(Digests(With(Run("one.db", on), {"--jobs", "1"}), "one.db"), whole);
   const pid_t pid = place_.Start(With(Run("parts.db", on), {"--jobs", "1"}));
-  for (int i = 0; i < 4000; ++i) {
-    const std::string done = place_.Value("parts.db", "SELECT max(env_step) FROM step");
-    if (!done.empty() && done != "NULL" && std::stoi(done) > 1100) break;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
+  place_.WaitForStep("parts.db", 1101, 20);
   ::kill(pid, SIGINT);
   EXPECT_EQ(place_.Wait(pid).exit_status, 75);
   EXPECT_EQ(Digests({"resume", "--db", "parts.db"}, "parts.db"), whole);

@@ -103,14 +103,7 @@ TEST(Tdmpc, InterruptedBetweenUpdatesOfAnEpisodeAndResumedGivesTheSameDigest) {
   int stopped = 0;
   for (int attempt = 0; attempt < 20 && stopped % 1000 == 0; ++attempt) {
     const pid_t pid = place.Start(arguments("parts.db"));
-    std::string done;
-    const auto waits = [&] {
-      return done.empty() || done == "NULL" || std::stoi(done) <= std::max(stopped, 999);
-    };
-    for (int i = 0; i < 2000 && waits(); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-      done = place.Value("parts.db", "SELECT max(env_step) FROM step");
-    }
+    place.WaitForStep("parts.db", std::max(stopped + 1, 1000));
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     ::kill(pid, SIGINT);
     ASSERT_EQ(place.Wait(pid).exit_status, 75) << "finished before a stop fell into an episode";
