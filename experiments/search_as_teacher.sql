@@ -1,24 +1,31 @@
-/* A row a model, task and way of acting: scores of the seeds in order without and with the search as
-   a teacher, their means, and the mean difference of equal seeds with its standard error, of the
-   scores and of the curves' means. */
+/* A row a model, task and way of acting: the evaluations at 50,000 steps of the seeds in order,
+   untaught and taught, their means, and the mean difference of equal seeds with its standard error,
+   of these and of the mean evaluation up to there. */
 WITH runs AS (
-  SELECT f.model, f.task, f.phase, f.seed, f.study LIKE '%, taught' AS taught, f.score,
-         (SELECT avg(mean) FROM v_curve_run v WHERE v.run_id = f.run_id AND v.phase = f.phase) AS curve
-  FROM v_final f WHERE f.status = 'finished'),
+  SELECT model, task, phase, seed, study <> 'untaught' AS taught, avg(mean) AS curve,
+         max(iif(env_step = 50000, mean, NULL)) AS score
+  FROM v_curve_run WHERE phase > 0 AND env_step <= 50000 GROUP BY run_id, phase),
 pairs AS (
-  SELECT a.model, a.task, a.phase, a.seed, a.score AS plain, b.score AS taught,
+  SELECT a.model, a.task, a.phase, a.seed, a.score AS untaught, b.score AS taught,
          b.score - a.score AS gain, b.curve - a.curve AS gain_of_curve
-  FROM runs a JOIN runs b USING (model, task, phase, seed) WHERE NOT a.taught AND b.taught
-  ORDER BY a.seed)
+  FROM runs a JOIN runs b USING (model, task, phase, seed)
+  WHERE NOT a.taught AND b.taught AND a.score IS NOT NULL AND b.score IS NOT NULL
+  ORDER BY a.seed),
+table_of_gains AS (
+  SELECT model, task, phase, group_concat(CAST(round(untaught) AS INTEGER), ' / ') AS untaught_seeds,
+         group_concat(CAST(round(taught) AS INTEGER), ' / ') AS taught_seeds,
+         avg(untaught) AS untaught, avg(taught) AS taught, count(*) AS seeds,
+         avg(gain) AS gain, avg(gain_of_curve) AS gain_of_curve,
+         iif(count(*) > 1, printf(' ± %.0f', sqrt(max(0, avg(gain * gain) - avg(gain) * avg(gain))
+                                                  / (count(*) - 1))), '') AS error,
+         iif(count(*) > 1,
+             printf(' ± %.0f', sqrt(max(0, avg(gain_of_curve * gain_of_curve)
+                                           - avg(gain_of_curve) * avg(gain_of_curve))
+                                    / (count(*) - 1))), '') AS error_of_curve
+  FROM pairs GROUP BY model, task, phase)
 SELECT model, task, iif(phase = 1, 'with mppi', 'the actor alone') AS acting,
-       group_concat(CAST(round(plain) AS INTEGER), ' / ') AS "without, by seed",
-       CAST(round(avg(plain)) AS INTEGER) AS mean,
-       group_concat(CAST(round(taught) AS INTEGER), ' / ') AS "taught, by seed",
-       CAST(round(avg(taught)) AS INTEGER) AS "mean ",
-       printf('%+.0f ± %.0f', avg(gain), sqrt(max(0, avg(gain * gain) - avg(gain) * avg(gain))
-                                              / nullif(count(*) - 1, 0))) AS gain,
-       printf('%+.0f ± %.0f', avg(gain_of_curve),
-              sqrt(max(0, avg(gain_of_curve * gain_of_curve)
-                          - avg(gain_of_curve) * avg(gain_of_curve))
-                   / nullif(count(*) - 1, 0))) AS "gain of the curve"
-FROM pairs GROUP BY model, task, phase ORDER BY model DESC, task, phase;
+       untaught_seeds AS "untaught, by seed", CAST(round(untaught) AS INTEGER) AS mean,
+       taught_seeds AS "taught, by seed", CAST(round(taught) AS INTEGER) AS "mean ",
+       printf('%+.0f', gain) || error AS gain,
+       printf('%+.0f', gain_of_curve) || error_of_curve AS "gain of the curve"
+FROM table_of_gains ORDER BY model DESC, task, phase;
