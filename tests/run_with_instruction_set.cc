@@ -13,7 +13,8 @@ int main(int argc, char** argv) {
   using namespace dreamsearch;
   InstructionSet set{};
   if (argc < 3 || !ParseInstructionSet(argv[1], &set)) {
-    std::fprintf(stderr, "usage: run_with_instruction_set x86-64|avx2|avx512|amx PROGRAM ...\n");
+    std::fprintf(
+        stderr, "usage: run_with_instruction_set x86-64|avx2|avx512|avx512_bf16|amx PROGRAM ...\n");
     return 2;
   }
   if (set > BestInstructionSet()) {

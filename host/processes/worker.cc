@@ -9,6 +9,7 @@
 #include <exception>
 #include <iostream>
 
+#include "dreamsearch/instruction_set.h"
 #include "host/plugins/catalogue.h"
 #include "host/processes/child_process.h"
 #include "host/processes/crash_report.h"
@@ -141,12 +142,19 @@ void CheckHeader(const Checkpoint& checkpoint, const WorkerJob& job) {
                       ". Use the old one, another --study, or --replace to start over");
   }
   if (stored.instruction_set != expected.instruction_set && !job.force) {
-    throw Failure(ExitCode::kPluginRefused,
+    InstructionSet set{};
+    const bool present =
+        ParseInstructionSet(stored.instruction_set.c_str(), &set) && set <= BestInstructionSet();
+    // The machine's fault: the run stays one that can be resumed.
+    throw Failure(ExitCode::kInputOutput,
                   path + " was made with the instruction set " + stored.instruction_set +
                       ", this process has " + expected.instruction_set +
-                      "; the bits would differ. Resume on the old kind of machine, or accept "
-                      "that with `runner resume " +
-                      std::to_string(job.run_id) + " --force --db " + ShellWord(job.db) + "`");
+                      "; the bits would differ. Give the same command " +
+                      (present ? "with " + std::string(kInstructionSetVariable) + "=" +
+                                     stored.instruction_set + " before it"
+                               : "on the old kind of machine") +
+                      ", or accept that with `runner resume " + std::to_string(job.run_id) +
+                      " --force --db " + ShellWord(job.db) + "`");
   }
 }
 

@@ -195,10 +195,10 @@ constexpr auto kSettings = BindSettings<Settings>(
                       "Largest norm of a group's gradient; longer ones are shortened. [dreamer]")),
 
     Bind<&Settings::bfloat16>(
-        ChoiceParameter(
-            "precision", "bfloat16", "float,bfloat16",
-            "Factors of the training's matrix products: float, or rounded to bfloat16 "
-            "where the processor multiplies it (AMX), with float weights and sums. [ours]")
+        ChoiceParameter("precision", "bfloat16", "float,bfloat16",
+                        "Factors of the training's matrix products: float, or rounded to bfloat16 "
+                        "where the processor multiplies it (AVX-512 BF16, AMX), with float weights "
+                        "and sums. [ours]")
             .Preset("paper", "float")),
     Bind<&Settings::bfloat16_planning>(ChoiceParameter(
         "planning_precision", "float", "float,bfloat16",

@@ -116,10 +116,11 @@ constexpr auto kSettings = BindSettings<Settings>(
         RealParameter("gradient_clip", 20, 1e-6, 1e9, "",
                       "Largest norm of the actor's gradient, and of that of all others together. "
                       "[paper]")),
-    Bind<&Settings::bfloat16>(ChoiceParameter(
-        "precision", "float", "float,bfloat16",
-        "Factors of the training's matrix products: float, or rounded to bfloat16 "
-        "where the processor multiplies it (AMX), with float weights and sums. [ours]")),
+    Bind<&Settings::bfloat16>(
+        ChoiceParameter("precision", "float", "float,bfloat16",
+                        "Factors of the training's matrix products: float, or rounded to bfloat16 "
+                        "where the processor multiplies it (AVX-512 BF16, AMX), with float weights "
+                        "and sums. [ours]")),
     Bind<&Settings::bfloat16_planning>(ChoiceParameter(
         "planning_precision", "float", "float,bfloat16",
         "Factors of the matrix products of what planners ask: transitions, rewards, values, "

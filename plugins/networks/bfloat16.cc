@@ -1,25 +1,30 @@
+// Over 400 lines: the tile unit (AMX) and AVX-512 BF16 multiply the same tiles, packed by the same
+// functions.
 #include "plugins/networks/bfloat16.h"
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
 
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
 
-// The unit multiplies a left tile, 16 rows of 32 factors, by a right tile, 32 rows
+// The tile unit multiplies a left tile, 16 rows of 32 factors, by a right tile, 32 rows
 // of 16, stored as 16 rows of pairs, and adds to a tile of 16 x 16 floats. With
 // samples as rows, a product of column-major matrices is
 //
 //   y^T [n, out] += x^T [n, in] w^T [in, out]
 //
 // and every float tile is a block of a column-major matrix. Tiles are stored one
-// after another, zero beyond the edges: left and right [block][k block][512].
+// after another, zero beyond the edges: left and right [block][k block][512]. A vector
+// of 16 sums, to which one instruction adds the products of 16 pairs, reads the same tiles.
 
 namespace dreamsearch::networks {
 
 #if defined(__x86_64__)
 
+#define PAIR_TARGET __attribute__((target("avx512f,avx512bw,avx512vl,avx512dq,avx512bf16")))
 #define TILE_TARGET \
   __attribute__((target("avx512f,avx512bw,avx512vl,avx512dq,avx512bf16,amx-tile,amx-bf16")))
 
@@ -45,17 +50,17 @@ constexpr TileConfig kConfig;
 TILE_TARGET inline void BeginTiles() { _tile_loadconfig(&kConfig); }
 TILE_TARGET inline void EndTiles() { _tile_release(); }
 
-TILE_TARGET inline __mmask16 Mask(Index count) {
+PAIR_TARGET inline __mmask16 Mask(Index count) {
   return static_cast<__mmask16>(count >= 16 ? 0xffff : (1u << (count < 0 ? 0 : count)) - 1);
 }
 
 // Two vectors of floats as bfloat16: a's first, then b's.
-TILE_TARGET inline __m512i Round(__m512 a, __m512 b) {
+PAIR_TARGET inline __m512i Round(__m512 a, __m512 b) {
   return reinterpret_cast<__m512i>(_mm512_cvtne2ps_pbh(b, a));
 }
 
 // The transpose of a 16 x 16 matrix of 32-bit values, in registers.
-TILE_TARGET inline void Transpose(__m512i* m) {
+PAIR_TARGET inline void Transpose(__m512i* m) {
   __m512i t[16];
   for (int i = 0; i < 16; i += 2) {
     t[i] = _mm512_unpacklo_epi32(m[i], m[i + 1]);
@@ -83,7 +88,7 @@ TILE_TARGET inline void Transpose(__m512i* m) {
 
 // One tile whose rows are 16 columns of m from `column` on, each 32 values from
 // `row` on. rounded[i]: row i.
-TILE_TARGET inline void RoundColumns(Mat<const float> m, Index column, Index row,
+PAIR_TARGET inline void RoundColumns(Mat<const float> m, Index column, Index row,
                                      __m512i* rounded) {
   const __mmask16 low = Mask(m.rows - row);
   const __mmask16 high = Mask(m.rows - row - 16);
@@ -99,7 +104,7 @@ TILE_TARGET inline void RoundColumns(Mat<const float> m, Index column, Index row
 
 // One tile whose row i holds the pairs (m(row + k, column + 2i), m(row + k, column
 // + 2i + 1)), k = 0 .. 15.
-TILE_TARGET inline void RoundPairs(Mat<const float> m, Index column, Index row, __m512i* rounded) {
+PAIR_TARGET inline void RoundPairs(Mat<const float> m, Index column, Index row, __m512i* rounded) {
   alignas(64) static constexpr std::uint16_t kInterleave[32] = {
       0, 16, 1, 17, 2,  18, 3,  19, 4,  20, 5,  21, 6,  22, 7,  23,
       8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31};
@@ -114,12 +119,12 @@ TILE_TARGET inline void RoundPairs(Mat<const float> m, Index column, Index row, 
   }
 }
 
-TILE_TARGET inline void StoreTile(const __m512i* rows, std::uint16_t* tile) {
+PAIR_TARGET inline void StoreTile(const __m512i* rows, std::uint16_t* tile) {
   for (Index i = 0; i < kRows; ++i) _mm512_store_si512(tile + i * kDepth, rows[i]);
 }
 
 // m^T as left tiles: rows are m's columns, depth its rows.
-TILE_TARGET void PackLeft(Mat<const float> m, std::uint16_t* tiles) {
+PAIR_TARGET void PackLeft(Mat<const float> m, std::uint16_t* tiles) {
   __m512i rows[16];
   for (Index i = 0; i < m.cols; i += kRows) {
     for (Index k = 0; k < m.rows; k += kDepth, tiles += kTile) {
@@ -130,7 +135,7 @@ TILE_TARGET void PackLeft(Mat<const float> m, std::uint16_t* tiles) {
 }
 
 // m as left tiles: rows are m's rows, depth its columns.
-TILE_TARGET void PackLeftOfRows(Mat<const float> m, std::uint16_t* tiles) {
+PAIR_TARGET void PackLeftOfRows(Mat<const float> m, std::uint16_t* tiles) {
   __m512i rows[16];
   for (Index i = 0; i < m.rows; i += kRows) {
     for (Index k = 0; k < m.cols; k += kDepth, tiles += kTile) {
@@ -142,7 +147,7 @@ TILE_TARGET void PackLeftOfRows(Mat<const float> m, std::uint16_t* tiles) {
 }
 
 // m^T as right tiles: depth is m's columns, width its rows.
-TILE_TARGET void PackRight(Mat<const float> m, std::uint16_t* tiles) {
+PAIR_TARGET void PackRight(Mat<const float> m, std::uint16_t* tiles) {
   __m512i rows[16];
   for (Index i = 0; i < m.rows; i += kRows) {
     for (Index k = 0; k < m.cols; k += kDepth, tiles += kTile) {
@@ -153,7 +158,7 @@ TILE_TARGET void PackRight(Mat<const float> m, std::uint16_t* tiles) {
 }
 
 // m as right tiles: depth is m's rows, width its columns.
-TILE_TARGET void PackRightOfRows(Mat<const float> m, std::uint16_t* tiles) {
+PAIR_TARGET void PackRightOfRows(Mat<const float> m, std::uint16_t* tiles) {
   __m512i rows[16];
   for (Index i = 0; i < m.cols; i += kRows) {
     for (Index k = 0; k < m.rows; k += kDepth, tiles += kTile) {
@@ -169,7 +174,7 @@ enum class Start { kSum, kZero, kBias };
 
 // A 16 x 16 block that reaches over the edge of c, by way of `block`: its row i is
 // column i of c.
-TILE_TARGET inline void ReadEdge(const float* c, Index stride, Index columns, Index rows,
+PAIR_TARGET inline void ReadEdge(const float* c, Index stride, Index columns, Index rows,
                                  float* block) {
   const __mmask16 mask = Mask(rows);
   for (Index i = 0; i < kRows; ++i) {
@@ -177,7 +182,7 @@ TILE_TARGET inline void ReadEdge(const float* c, Index stride, Index columns, In
     _mm512_store_ps(block + i * 16, _mm512_maskz_loadu_ps(row, c + i * stride));
   }
 }
-TILE_TARGET inline void WriteEdge(const float* block, float* c, Index stride, Index columns,
+PAIR_TARGET inline void WriteEdge(const float* block, float* c, Index stride, Index columns,
                                   Index rows) {
   const __mmask16 mask = Mask(rows);
   for (Index i = 0; i < std::min(columns, kRows); ++i) {
@@ -272,18 +277,119 @@ TILE_TARGET void MultiplyTiles(const std::uint16_t* left, const std::uint16_t* r
   }
 }
 
+// The same block by block of `Rows` left rows and `Columns` vectors of right columns, at
+// c(j, i). Sums are made in the order of the pairs, whatever stands beside them.
+template <int Rows, int Columns>
+PAIR_TARGET inline void MultiplyPairsOf(const std::uint16_t* left, const std::uint16_t* right,
+                                        Index depth, Start start, const float* bias, Index i,
+                                        Index j, Mat<float> c) {
+  const Index stride = depth * kTile;
+  const Index rows = std::min<Index>(Rows, c.cols - i);
+  const auto mask = [last = Mask(c.rows - j - 16 * (Columns - 1))](int v) {
+    return v + 1 < Columns ? __mmask16{0xffff} : last;
+  };
+  __m512 sums[Rows][Columns];
+  for (int r = 0; r < Rows; ++r) {
+    for (int v = 0; v < Columns; ++v) {
+      if (start == Start::kBias) {
+        sums[r][v] = _mm512_maskz_loadu_ps(mask(v), bias + j + 16 * v);
+      } else if (start == Start::kSum && r < rows) {
+        sums[r][v] = _mm512_maskz_loadu_ps(mask(v), c.col(i + r) + j + 16 * v);
+      } else {
+        sums[r][v] = _mm512_setzero_ps();
+      }
+    }
+  }
+  const std::uint16_t* a = left + i / kRows * stride + i % kRows * kDepth;
+  const std::uint16_t* b = right + j / kRows * stride;
+  for (Index k = 0; k < depth; ++k, a += kTile, b += kTile) {
+    for (Index pair = 0; pair < kDepth / 2; ++pair) {
+      __m512bh factors[Columns];
+#pragma GCC unroll 3
+      for (int v = 0; v < Columns; ++v) {
+        factors[v] = reinterpret_cast<__m512bh>(_mm512_load_si512(b + v * stride + pair * kDepth));
+      }
+#pragma GCC unroll 8
+      for (int r = 0; r < Rows; ++r) {
+        std::int32_t two;
+        std::memcpy(&two, a + r * kDepth + 2 * pair, sizeof two);
+        const __m512bh row = reinterpret_cast<__m512bh>(_mm512_set1_epi32(two));
+#pragma GCC unroll 3
+        for (int v = 0; v < Columns; ++v) {
+          sums[r][v] = _mm512_dpbf16_ps(sums[r][v], row, factors[v]);
+        }
+      }
+    }
+  }
+  for (int r = 0; r < rows; ++r) {
+    for (int v = 0; v < Columns; ++v) {
+      _mm512_mask_storeu_ps(c.col(i + r) + j + 16 * v, mask(v), sums[r][v]);
+    }
+  }
+}
+
+template <int Rows>
+PAIR_TARGET void MultiplyRowsOfPairs(const std::uint16_t* left, const std::uint16_t* right,
+                                     Index depth, Start start, const float* bias, Index i,
+                                     Mat<float> c) {
+  Index j = 0;
+  for (; j + 32 < c.rows; j += 48) {
+    MultiplyPairsOf<Rows, 3>(left, right, depth, start, bias, i, j, c);
+  }
+  if (j + 16 < c.rows) {
+    MultiplyPairsOf<Rows, 2>(left, right, depth, start, bias, i, j, c);
+  } else if (j < c.rows) {
+    MultiplyPairsOf<Rows, 1>(left, right, depth, start, bias, i, j, c);
+  }
+}
+
+// c^T = start + left right, as MultiplyTiles, without the tile unit: up to 24 vectors of
+// sums in registers, two rows at a time where only a few are left.
+PAIR_TARGET void MultiplyPairs(const std::uint16_t* left, const std::uint16_t* right, Index depth,
+                               Start start, const float* bias, Mat<float> c) {
+  Index i = 0;
+  for (; i + 4 < c.cols; i += 8) {
+    MultiplyRowsOfPairs<8>(left, right, depth, start, bias, i, c);
+  }
+  for (; i < c.cols; i += 2) {
+    MultiplyRowsOfPairs<2>(left, right, depth, start, bias, i, c);
+  }
+}
+
+bool HasTiles() { return ChosenInstructionSet() >= InstructionSet::kAmx; }
+
+// A product by the unit that the chosen instruction set has.
+class Product {
+ public:
+  Product() : tiles_(HasTiles()) {
+    if (tiles_) BeginTiles();
+  }
+  ~Product() {
+    if (tiles_) EndTiles();
+  }
+  Product(const Product&) = delete;
+  Product& operator=(const Product&) = delete;
+
+  void Multiply(const std::uint16_t* left, const std::uint16_t* right, Index depth, Start start,
+                const float* bias, Mat<float> c) const {
+    (tiles_ ? MultiplyTiles : MultiplyPairs)(left, right, depth, start, bias, c);
+  }
+
+ private:
+  bool tiles_;
+};
+
 // y = start + (tiles) x, 32 columns of x at a time so that they stay in the first-level
 // cache.
-TILE_TARGET void MultiplyColumns(const std::uint16_t* tiles, Start start, const float* bias,
-                                 Mat<const float> x, Mat<float> y, std::uint16_t* scratch) {
+void MultiplyColumns(const std::uint16_t* tiles, Start start, const float* bias, Mat<const float> x,
+                     Mat<float> y, std::uint16_t* scratch) {
   const Index depth = Blocks(x.rows, kDepth);
-  BeginTiles();
+  const Product product;
   for (Index first = 0; first < x.cols; first += 2 * kRows) {
     const Index n = std::min(2 * kRows, x.cols - first);
     PackLeft(x.Cols(first, n), scratch);
-    MultiplyTiles(scratch, tiles, depth, start, bias, y.Cols(first, n));
+    product.Multiply(scratch, tiles, depth, start, bias, y.Cols(first, n));
   }
-  EndTiles();
 }
 
 // Two rows of left tiles, as many as MultiplyColumns rounds at once.
@@ -344,10 +450,10 @@ void Bfloat16Weights::SetTransposedProduct(Index part, Mat<const float> dy, Mat<
                   Samples(dy.rows, scratch));
 }
 
-TILE_TARGET void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw,
-                                        Bfloat16Scratch* scratch) {
+void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x, Mat<float> dw,
+                            Bfloat16Scratch* scratch) {
   // dw^T [in, out] += x [in, n] dy^T [n, out].
-  BeginTiles();
+  const Product product;
   for (Index first = 0; first < x.cols; first += kSamplesPerChunk) {
     const Index n = std::min(kSamplesPerChunk, x.cols - first);
     const Index depth = Blocks(n, kDepth);
@@ -355,9 +461,8 @@ TILE_TARGET void AddRoundedOuterProduct(Mat<const float> dy, Mat<const float> x,
     std::uint16_t* right = scratch->right.Reserve(Blocks(dy.rows, kRows) * depth * kTile);
     PackLeftOfRows(x.Cols(first, n), left);
     PackRight(dy.Cols(first, n), right);
-    MultiplyTiles(left, right, depth, Start::kSum, nullptr, dw);
+    product.Multiply(left, right, depth, Start::kSum, nullptr, dw);
   }
-  EndTiles();
 }
 
 #else

@@ -1,9 +1,9 @@
-// bfloat16.h - products with bfloat16 factors and float sums, on the processor's
-// tile unit (AMX).
+// bfloat16.h - products with bfloat16 factors and float sums, by the processor's
+// AVX-512 BF16 instructions or its tile unit (AMX).
 //
 // A factor is rounded to the nearest bfloat16 (8 bits of significand, a relative
 // error of at most 2^-9), products are exact, sums are float. Weights stay float
-// elsewhere; here are rounded copies of them, laid out for the unit and remade
+// elsewhere; here are rounded copies of them, laid out for them and remade
 // after every change. Only where Bfloat16Available().
 #pragma once
 
@@ -16,8 +16,8 @@
 
 namespace dreamsearch::networks {
 
-// Whether the chosen instruction set has the tile unit.
-inline bool Bfloat16Available() { return ChosenInstructionSet() >= InstructionSet::kAmx; }
+// Whether the chosen instruction set multiplies bfloat16.
+inline bool Bfloat16Available() { return ChosenInstructionSet() >= InstructionSet::kAvx512Bf16; }
 
 inline constexpr Index kBiasOverrun = 16;
 

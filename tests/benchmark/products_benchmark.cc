@@ -16,6 +16,7 @@
 
 #include "dreamsearch/instruction_set.h"
 #include "dreamsearch/random.h"
+#include "plugins/networks/bfloat16.h"
 #include "plugins/networks/product.h"
 #include "tests/benchmark/yardstick.h"
 
@@ -66,12 +67,35 @@ void Ours(benchmark::State& state) {
   });
 }
 
+// The factors rounded to bfloat16, where the processor multiplies them.
+void OursRounded(benchmark::State& state) {
+  const Index m = state.range(0), k = state.range(1), n = state.range(2);
+  networks::Bfloat16Weights packed({{0, m, 0, k}});
+  networks::Bfloat16Scratch scratch;
+  std::vector<float> bias(static_cast<std::size_t>(m + networks::kBiasOverrun));
+  bool ready = false;
+  Time(state, [&](const float* a, const float* b, float* c) {
+    if (!ready) packed.Pack(a);
+    ready = true;
+    packed.SetProduct(0, bias.data(), Mat<const float>(b, k, n), Mat<float>(c, m, n), &scratch);
+  });
+}
+
 // dw += dy x^T: here a [m, k] is dy and b, read as [n, k], is x.
 void OursOuter(benchmark::State& state) {
   const Index m = state.range(0), k = state.range(1), n = state.range(2);
   Time(state, [&](const float* a, const float* b, float* c) {
     networks::AddOuterProduct<float>(Mat<const float>(a, m, k), Mat<const float>(b, n, k),
                                      Mat<float>(c, m, n));
+  });
+}
+
+void OursOuterRounded(benchmark::State& state) {
+  const Index m = state.range(0), k = state.range(1), n = state.range(2);
+  networks::Bfloat16Scratch scratch;
+  Time(state, [&](const float* a, const float* b, float* c) {
+    networks::AddRoundedOuterProduct(Mat<const float>(a, m, k), Mat<const float>(b, n, k),
+                                     Mat<float>(c, m, n), &scratch);
   });
 }
 
@@ -94,6 +118,11 @@ void Shapes(benchmark::internal::Benchmark* b) {
   b->ArgNames({"rows", "inner", "columns"});
 }
 
+void OuterShapes(benchmark::internal::Benchmark* b) {
+  b->ArgNames({"rows", "samples", "columns"});
+  b->Args({128, 512, 128})->Args({384, 512, 128})->Args({128, 384, 160})->Args({600, 480, 200});
+}
+
 }  // namespace
 }  // namespace dreamsearch
 
@@ -107,12 +136,11 @@ int main(int argc, char** argv) {
     })->Apply(Shapes);
   }
   benchmark::RegisterBenchmark("ours", Ours)->Apply(Shapes);
-  benchmark::RegisterBenchmark("ours_outer", OursOuter)
-      ->ArgNames({"rows", "samples", "columns"})
-      ->Args({128, 512, 128})
-      ->Args({384, 512, 128})
-      ->Args({128, 384, 160})
-      ->Args({600, 480, 200});
+  benchmark::RegisterBenchmark("ours_outer", OursOuter)->Apply(OuterShapes);
+  if (networks::Bfloat16Available()) {
+    benchmark::RegisterBenchmark("ours_bfloat16", OursRounded)->Apply(Shapes);
+    benchmark::RegisterBenchmark("ours_outer_bfloat16", OursOuterRounded)->Apply(OuterShapes);
+  }
   std::printf("instruction set %s\n", InstructionSetName(ChosenInstructionSet()));
   benchmark::Initialize(&argc, argv);
   benchmark::RunSpecifiedBenchmarks();

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "dreamsearch/instruction_set.h"
 #include "tests/integration/program.h"
 
 namespace dreamsearch {
@@ -105,6 +106,27 @@ TEST_F(ResumeTest, ACheckpointOfAnOlderRunnerIsRefusedWithASentenceAndNothingIsL
   }
   EXPECT_EQ(Value(rows), before);
   EXPECT_EQ(Run("random", "", {"--retry", "--replace"}).exit_status, 0);
+  EXPECT_EQ(Value("select status from run"), "finished");
+}
+
+TEST_F(ResumeTest, ACheckpointOfALowerInstructionSetIsResumedUnderIt) {
+  if (BestInstructionSet() == InstructionSet::kBaseline) GTEST_SKIP() << "there is no lower one";
+  const char* lowest = InstructionSetName(InstructionSet::kBaseline);
+  ::setenv(kInstructionSetVariable, lowest, 1);
+  ASSERT_EQ(Run("random", "").exit_status, 0);
+  place_.Query("r.db", "update run set status = 'interrupted', exit_code = 75");
+  ::unsetenv(kInstructionSetVariable);
+  const ProgramResult refused = Resume("1");
+  EXPECT_EQ(refused.exit_status, 74) << refused.err;
+  EXPECT_NE(refused.err.find("with DREAMSEARCH_INSTRUCTION_SET=x86-64 before it, or accept that "
+                             "with `runner resume 1 --force --db "),
+            std::string::npos)
+      << refused.err;
+  EXPECT_EQ(Value("select status from run"), "interrupted");
+  ::setenv(kInstructionSetVariable, lowest, 1);
+  const ProgramResult resumed = Resume("1");
+  ::unsetenv(kInstructionSetVariable);
+  EXPECT_EQ(resumed.exit_status, 0) << resumed.err;
   EXPECT_EQ(Value("select status from run"), "finished");
 }
 

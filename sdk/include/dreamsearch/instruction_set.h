@@ -6,8 +6,8 @@
 //
 //   DREAMSEARCH_INSTRUCTION_SET=avx2 runner ...
 //
-// chooses a set below the processor's best: x86-64, avx2, avx512 or amx. Results of
-// different sets differ in their last bits.
+// chooses a set below the processor's best: x86-64, avx2, avx512, avx512_bf16 or amx.
+// Results of different sets differ in their last bits.
 //
 // Threads  any; the answer is found once and does not change.
 #pragma once
@@ -28,16 +28,17 @@ namespace dreamsearch {
 
 // In ascending order: who has one has those before it.
 enum class InstructionSet : std::uint32_t {
-  kBaseline = 0,  // what every processor of the architecture has
-  kAvx2 = 1,      // AVX2 and FMA
-  kAvx512 = 2,    // AVX-512 F, BW, CD, DQ, VL
-  kAmx = 3,       // these, AVX-512 BF16, and the tile unit with bfloat16 products
+  kBaseline = 0,    // what every processor of the architecture has
+  kAvx2 = 1,        // AVX2 and FMA
+  kAvx512 = 2,      // AVX-512 F, BW, CD, DQ, VL
+  kAvx512Bf16 = 3,  // these and BF16, products of bfloat16
+  kAmx = 4,         // these and the tile unit with bfloat16 products
 };
 
 inline constexpr const char* kInstructionSetVariable = "DREAMSEARCH_INSTRUCTION_SET";
 inline constexpr InstructionSet kInstructionSets[] = {
     InstructionSet::kBaseline, InstructionSet::kAvx2, InstructionSet::kAvx512,
-    InstructionSet::kAmx};
+    InstructionSet::kAvx512Bf16, InstructionSet::kAmx};
 
 inline const char* InstructionSetName(InstructionSet set) noexcept {
   switch (set) {
@@ -47,6 +48,8 @@ inline const char* InstructionSetName(InstructionSet set) noexcept {
       return "avx2";
     case InstructionSet::kAvx512:
       return "avx512";
+    case InstructionSet::kAvx512Bf16:
+      return "avx512_bf16";
     case InstructionSet::kAmx:
       return "amx";
   }
@@ -77,19 +80,20 @@ inline InstructionSet FindInstructionSet() noexcept {
       !__builtin_cpu_supports("avx512vl")) {
     return InstructionSet::kAvx2;
   }
-#if defined(__linux__)
   unsigned a = 0, b = 0, c = 0, d = 0;
-  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return InstructionSet::kAvx512;
+  if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0 || (a >> 5 & 1) == 0) {
+    return InstructionSet::kAvx512;
+  }
+#if defined(__linux__)
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return InstructionSet::kAvx512Bf16;
   const bool tiles = (d >> 22 & 1) != 0 && (d >> 24 & 1) != 0;  // amx-bf16, amx-tile
-  if (__get_cpuid_count(7, 1, &a, &b, &c, &d) == 0) return InstructionSet::kAvx512;
-  const bool rounding = (a >> 5 & 1) != 0;     // avx512-bf16
-  constexpr long kRequestPermission = 0x1023;  // ARCH_REQ_XCOMP_PERM
+  constexpr long kRequestPermission = 0x1023;                   // ARCH_REQ_XCOMP_PERM
   constexpr long kTileData = 18;
-  if (tiles && rounding && ::syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0) {
+  if (tiles && ::syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0) {
     return InstructionSet::kAmx;
   }
 #endif
-  return InstructionSet::kAvx512;
+  return InstructionSet::kAvx512Bf16;
 #else
   return InstructionSet::kBaseline;
 #endif

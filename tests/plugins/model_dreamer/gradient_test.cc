@@ -215,7 +215,7 @@ TEST(KlFactors, SplitTheDivergencesGradientIntoPriorAndPosterior) {
 
 // A whole update's gradient in bfloat16 points where the float gradient does.
 TEST(Bfloat16, UpdateGradientFollowsTheFloatGradient) {
-  if (!Bfloat16Available()) GTEST_SKIP() << "this processor has no tile unit";
+  if (!Bfloat16Available()) GTEST_SKIP() << "no bfloat16 in the instruction set in use";
   const OwnedBatch batch = PointBatch(8, 16, 1);
   std::vector<std::vector<double>> gradients[2];
   for (const bool bfloat16 : {false, true}) {

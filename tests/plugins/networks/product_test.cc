@@ -115,7 +115,7 @@ TEST(Product, EqualsSumsInDoubleAtEverySizeOfItsPaths) {
 }
 
 TEST(Product, RoundedEqualsSumsInDoubleOfExactFactors) {
-  if (!Bfloat16Available()) GTEST_SKIP() << "the tile unit is not in use";
+  if (!Bfloat16Available()) GTEST_SKIP() << "no bfloat16 in the instruction set in use";
   Random random(3);
   for (const Index out : {1, 16, 30, 200}) {
     for (const Index in : {1, 6, 32, 37, 230}) {
@@ -179,7 +179,7 @@ TEST(Product, AColumnHasTheSameBitsWhateverStandsBesideIt) {
 }
 
 TEST(Product, ARoundedColumnHasTheSameBitsWhateverStandsBesideIt) {
-  if (!Bfloat16Available()) GTEST_SKIP() << "the tile unit is not in use";
+  if (!Bfloat16Available()) GTEST_SKIP() << "no bfloat16 in the instruction set in use";
   for (const Index out : {1, 5, 32, 128, 200}) {
     for (const Index in : {1, 24, 160, 230}) {
       Random random(11);
