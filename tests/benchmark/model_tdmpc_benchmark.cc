@@ -48,8 +48,9 @@ struct Work {
   double encoder, dynamics, reward, critic, actor, critics;
 };
 
-void Update(benchmark::State& state, const char* preset, Index threads = 1) {
-  const Settings settings = PresetSettings(preset);
+void Update(benchmark::State& state, const char* preset, bool bfloat16 = false, Index threads = 1) {
+  Settings settings = PresetSettings(preset);
+  settings.bfloat16 = bfloat16;
   Learner<float> learner(settings, kObservations, kActions, 1);
   learner.SetThreads(threads);
   OwnedBatch batch = RandomBatch(kSequences, kLength, kObservations, kActions, 3);
@@ -66,8 +67,12 @@ void Update(benchmark::State& state, const char* preset, Index threads = 1) {
   Report(state, 2 * Work(settings).update(), lap.Each(state));
 }
 BENCHMARK_CAPTURE(Update, fast, "fast")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(Update, fast_2_threads, "fast", 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(Update, fast_2_threads, "fast", false, 2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(Update, fast_bfloat16, "fast", true)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(Update, paper, "paper")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Update, paper_bfloat16, "paper", true)->Unit(benchmark::kMillisecond);
 
 void Transition(benchmark::State& state, const char* preset) {
   const Settings settings = PresetSettings(preset);
