@@ -9,6 +9,7 @@
 #include <set>
 #include <tuple>
 
+#include "results/database/schema.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/text/compressed.h"
@@ -331,7 +332,7 @@ std::int64_t StorePublished(Database* database, const std::vector<PublishedPoint
         "INSERT INTO published (source, method, obs, task, env_steps, seed, episode_return,"
         " n_seeds, seed_sd) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9) ON CONFLICT DO UPDATE SET"
         " episode_return = excluded.episode_return, n_seeds = excluded.n_seeds,"
-        " seed_sd = excluded.seed_sd");
+        " seed_sd = excluded.seed_sd, sha256 = ''");
     Statement forget = db.Prepare(
         "DELETE FROM published WHERE source = ?1 AND method = ?2 AND obs = ?3 AND task = ?4 AND"
         " seed IS ?5 AND env_steps = ?6");
@@ -347,6 +348,7 @@ std::int64_t StorePublished(Database* database, const std::vector<PublishedPoint
                 point.episode_return, point.n_seeds, point.seed_sd)
           .Run();
     }
+    db.Execute(FillDigests());
   });
   return static_cast<std::int64_t>(points.size());
 }

@@ -17,7 +17,6 @@
 #include "results/database/file_system.h"
 #include "results/database/schema.h"
 #include "results/system/file.h"
-#include "results/system/sha256.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -500,11 +499,7 @@ void Database::Migrate() {
     db.Execute(Migrations()[static_cast<std::size_t>(v)]);
   }
   db.Execute(CreateViews());
-  std::map<std::int64_t, std::string> docs;
-  Statement metrics = db.Prepare("SELECT metric_id, doc FROM metric WHERE doc_sha256 = ''");
-  while (metrics.Step()) docs[metrics.Int(0)] = metrics.Text(1);
-  Statement write = db.Prepare("UPDATE metric SET doc_sha256 = ?2 WHERE metric_id = ?1");
-  for (const auto& [metric, doc] : docs) write.Bind(metric, Sha256Hex(doc)).Run();
+  db.Execute(FillDigests());
   db.Execute("PRAGMA user_version = " + std::to_string(SchemaVersion()) +
              "; PRAGMA application_id = " + std::to_string(kApplicationId));
 }

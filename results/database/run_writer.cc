@@ -9,7 +9,6 @@
 #include "results/database/schema.h"
 #include "results/system/error.h"
 #include "results/system/machine_fault.h"
-#include "results/system/sha256.h"
 
 namespace dreamsearch::results {
 namespace {
@@ -59,8 +58,8 @@ RunWriter::RunWriter(Database* database, std::int64_t run_id)
       "INSERT INTO event (run_id, seq, env_step, utc, level, kind, detail)"
       " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)");
   insert_artifact_ = connection_.Prepare(
-      "INSERT INTO artifact (run_id, path, kind, env_step, bytes, sha256)"
-      " VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO UPDATE SET kind = excluded.kind,"
+      "INSERT INTO artifact (run_id, path, kind, env_step, bytes, sha256, path_sha256)"
+      " VALUES (?1, ?2, ?3, ?4, ?5, ?6, sha256(?2)) ON CONFLICT DO UPDATE SET kind = excluded.kind,"
       " env_step = excluded.env_step, bytes = excluded.bytes, sha256 = excluded.sha256");
   select_step_ = connection_.Prepare(std::string("SELECT ") + kStepColumns +
                                      " FROM step WHERE run_id = ?1 AND env_step = ?2");
@@ -190,9 +189,9 @@ std::int64_t RunWriter::Metric(const std::string& name, const std::string& unit,
   connection_.Transact([&] {
     connection_
         .Prepare(
-            "INSERT INTO metric (name, unit, doc, doc_sha256) VALUES (?1, ?2, ?3, ?4)"
+            "INSERT INTO metric (name, unit, doc, doc_sha256) VALUES (?1, ?2, ?3, sha256(?3))"
             " ON CONFLICT DO NOTHING")
-        .Bind(name, unit, doc, Sha256Hex(doc))
+        .Bind(name, unit, doc)
         .Run();
     Statement find =
         connection_.Prepare("SELECT metric_id FROM metric WHERE name = ?1 AND unit = ?2");

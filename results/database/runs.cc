@@ -157,8 +157,9 @@ CreatedRun Database::CreateRun(const NewRun& run) {
         ->Prepare(
             "INSERT INTO run (uuid, study_id, task_id, planner, model, env_plugin, model_plugin,"
             " planner_plugin, config_id, preset, seed, action_repeat, env_steps_target,"
-            " parent_run_id, log_path, argv, build_id, created_utc) VALUES"
-            " (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)")
+            " parent_run_id, log_path, log_path_sha256, argv, build_id, created_utc) VALUES (?1,"
+            " ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, sha256(?15), ?16, ?17,"
+            " ?18)")
         .Bind(uuid, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id,
@@ -235,7 +236,8 @@ void Database::ReplaceRun(std::int64_t run_id, const NewRun& run) {
             " preset = ?10, seed = ?11, action_repeat = ?12, env_steps_target = ?13,"
             " parent_run_id = ?14, argv = ?15, build_id = ?16, env_steps_done = 0,"
             " status = 'queued', exit_code = NULL, error = '', ended_utc = NULL,"
-            " heartbeat_utc = NULL, result_digest = NULL, log_path = ?17 WHERE run_id = ?1")
+            " heartbeat_utc = NULL, result_digest = NULL, log_path = ?17,"
+            " log_path_sha256 = sha256(?17) WHERE run_id = ?1")
         .Bind(run_id, run.study_id, run.task_id, run.planner, run.model, run.env_plugin,
               run.model_plugin, run.planner_plugin, run.config_id, run.preset, run.seed,
               run.action_repeat, run.env_steps_target, run.parent_run_id, run.argv, run.build_id,

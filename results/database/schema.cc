@@ -374,9 +374,18 @@ ALTER TABLE segment ADD COLUMN slurm_node TEXT;
 )sql";
 
 // No run's digest can answer for what a metric's doc says: runs of other versions of a plugin share
-// the row. Database::Migrate fills it where rows are.
+// the row.
 constexpr char kMetricDigests[] =
     "ALTER TABLE metric ADD COLUMN doc_sha256 TEXT NOT NULL DEFAULT '';";
+
+// Nor for a study's row, which its runs share, nor for paths, which a merge changes, nor for what
+// others published.
+constexpr char kPathDigests[] = R"sql(
+ALTER TABLE study ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+ALTER TABLE published ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+ALTER TABLE run ADD COLUMN log_path_sha256 TEXT NOT NULL DEFAULT '';
+ALTER TABLE artifact ADD COLUMN path_sha256 TEXT NOT NULL DEFAULT '';
+)sql";
 
 }  // namespace
 
@@ -390,8 +399,23 @@ const std::vector<std::string>& Migrations() {
       kProcessorTime,
       "",  // The views tell versions apart.
       kMetricDigests,
+      kPathDigests,
   };
   return migrations;
+}
+
+const std::string& FillDigests() {
+  static const std::string sql =
+      "UPDATE metric SET doc_sha256 = sha256(doc) WHERE doc_sha256 = '';"
+      "UPDATE study SET sha256 = " +
+      std::string(kStudySha256) +
+      " WHERE sha256 = '';"
+      "UPDATE published SET sha256 = " +
+      std::string(kPublishedSha256) +
+      " WHERE sha256 = '';"
+      "UPDATE run SET log_path_sha256 = sha256(log_path) WHERE log_path_sha256 = '';"
+      "UPDATE artifact SET path_sha256 = sha256(path) WHERE path_sha256 = '';";
+  return sql;
 }
 
 const std::string& DropViews() {

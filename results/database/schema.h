@@ -27,6 +27,17 @@ const std::vector<std::string>& Migrations();
 const std::string& DropViews();
 const std::string& CreateViews();
 
+// Some rows have a SHA-256 of what no digest of a run covers, made by the function sha256() of a
+// Connection. Fills those that are empty, as those of an older schema are after its migrations.
+const std::string& FillDigests();
+// The expressions for those of a study and of a published point.
+inline constexpr char kStudySha256[] =
+    "sha256(name || char(10) || description || char(10) || created_utc)";
+inline constexpr char kPublishedSha256[] =
+    "sha256(quote(source) || quote(method) || quote(obs) || quote(task) || ' ' || env_steps || ' '"
+    " || quote(seed) || ' ' || quote(episode_return) || ' ' || quote(n_seeds) || ' ' ||"
+    " quote(seed_sd))";
+
 // The newest schema, that is Migrations().size().
 std::int64_t SchemaVersion();
 

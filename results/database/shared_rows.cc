@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "results/database/database.h"
+#include "results/database/schema.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 
@@ -37,9 +38,10 @@ std::int64_t Database::Study(const std::string& name, const std::string& descrip
   std::int64_t id = 0;
   connection_->Transact([&] {
     connection_
-        ->Prepare(
-            "INSERT INTO study (name, description, created_utc) VALUES (?1, ?2, ?3)"
-            " ON CONFLICT DO NOTHING")
+        ->Prepare("INSERT INTO study (name, description, created_utc, sha256) SELECT *, " +
+                  std::string(kStudySha256) +
+                  " FROM (SELECT ?1 AS name, ?2 AS description, ?3 AS created_utc) WHERE true"
+                  " ON CONFLICT DO NOTHING")
         .Bind(name, description, UtcNow())
         .Run();
     find.Bind(name).Step();

@@ -15,6 +15,7 @@
 #include "results/database/file_system.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
+#include "results/system/sha256.h"
 #include "results/text/shell.h"
 #include "results/text/text.h"
 
@@ -57,6 +58,15 @@ std::string FileUri(const std::string& path) {
 bool IsUnchangeable(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
   return access(folder.c_str(), W_OK) != 0 && access((path + "-wal").c_str(), F_OK) != 0;
+}
+
+// sha256(text), in hexadecimal; NULL of NULL.
+void Sha256OfText(sqlite3_context* context, int, sqlite3_value** values) {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(values[0]));
+  if (text == nullptr) return;
+  const std::string digest =
+      Sha256Hex({text, static_cast<std::size_t>(sqlite3_value_bytes(values[0]))});
+  sqlite3_result_text64(context, digest.data(), digest.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
 }
 
 // After a lock that was not to be had: throws if there are none.
@@ -253,6 +263,9 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   }
   WaitForLocks([](double seconds) { return seconds < kLockPatienceSeconds; });
   sqlite3_busy_handler(handle_, OnLocked, this);
+  sqlite3_create_function_v2(handle_, "sha256", 1,
+                             SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS, nullptr,
+                             Sha256OfText, nullptr, nullptr, nullptr);
 }
 
 Connection::~Connection() { sqlite3_close_v2(handle_); }

@@ -9,6 +9,7 @@
 #include <map>
 #include <utility>
 
+#include "results/database/schema.h"
 #include "results/system/error.h"
 #include "results/text/table.h"
 #include "results/upkeep/run_copies.h"
@@ -208,6 +209,7 @@ class Merger {
     merged_[run.run_id] = run_id;
     db_.Prepare(
            "UPDATE run SET uuid = ?2, env_steps_done = ?3, status = ?4, log_path = ?5,"
+           " log_path_sha256 = sha256(?5),"
            " exit_code = ?6, error = ?7, created_utc = ?8, ended_utc = ?9,"
            " heartbeat_utc = ?10, result_digest = ?11 WHERE run_id = ?1")
         .Bind(run_id, run.uuid, run.env_steps_done, RunStatusName(run.status), Moved(run.log_path),
@@ -262,6 +264,10 @@ class Merger {
            " WHERE s.name = study.name)),"
            " description = max(description, (SELECT description FROM source.study s"
            " WHERE s.name = study.name)) WHERE study_id = ?1")
+        .Bind(copy.study_id)
+        .Run();
+    db_.Prepare("UPDATE main.study SET sha256 = " + std::string(kStudySha256) +
+                " WHERE study_id = ?1")
         .Bind(copy.study_id)
         .Run();
     copy.task_id = target_->Task(TaskOf(run.task));
@@ -358,7 +364,7 @@ class Merger {
     db_.Execute(
         "INSERT INTO main.published SELECT * FROM source.published WHERE true"
         " ON CONFLICT DO UPDATE SET episode_return = excluded.episode_return,"
-        " n_seeds = excluded.n_seeds, seed_sd = excluded.seed_sd WHERE " +
+        " n_seeds = excluded.n_seeds, seed_sd = excluded.seed_sd, sha256 = excluded.sha256 WHERE " +
         order("excluded") + " < " + order("published"));
   }
 

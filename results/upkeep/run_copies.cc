@@ -10,7 +10,8 @@ const std::vector<RunCopy>& RunCopies(Connection& db) {
         {"segment.host_id", "(SELECT new FROM temp.host_map WHERE old = host_id)"},
         {"segment.build_id", "(SELECT new FROM temp.build_map WHERE old = build_id)"},
         {"scalar.metric_id", "?4"},
-        {"artifact.path", "merged_path(path)"}};
+        {"artifact.path", "merged_path(path)"},
+        {"artifact.path_sha256", "sha256(merged_path(path))"}};
     Statement tables = db.Prepare(
         "SELECT t.name FROM main.sqlite_schema t WHERE t.type = 'table' AND t.name NOT IN ('run',"
         " 'curve_bin') AND EXISTS (SELECT 1 FROM pragma_table_info(t.name, 'main') c WHERE"

@@ -186,14 +186,6 @@ void CheckDigests(Database* database, const RunInfo& run, std::vector<std::strin
   }
 }
 
-void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
-  CheckDigests(database, run, problems);
-  Connection& db = database->connection();
-  FindHolesInSteps(db, run, NameOf(run), problems);
-  FindHolesInEpisodes(db, run, NameOf(run), problems);
-  FindHolesInSegments(db, run, NameOf(run), problems);
-}
-
 // The tables, indices, triggers and views that answer for what is stored: each as this program
 // makes it. What else is there is the user's own, but for triggers, which change rows.
 void VerifySchema(Database* database, std::vector<std::string>* problems) {
@@ -202,14 +194,46 @@ void VerifySchema(Database* database, std::vector<std::string>* problems) {
   }
 }
 
-// What metrics mean, which runs share.
-void VerifyMetrics(Connection& db, std::vector<std::string>* problems) {
-  Statement metrics = db.Prepare("SELECT name, doc, doc_sha256 FROM metric");
+// What is no run's own: what metrics mean, studies, published points.
+void VerifySharedRows(Connection& db, std::vector<std::string>* problems) {
+  Statement metrics = db.Prepare("SELECT name FROM metric WHERE doc_sha256 IS NOT sha256(doc)");
   while (metrics.Step()) {
-    if (Sha256Hex(metrics.Text(1)) != metrics.Text(2)) {
-      problems->push_back("metric " + metrics.Text(0) + ": its doc does not have its SHA-256");
-    }
+    problems->push_back("metric " + metrics.Text(0) + ": its doc does not have its SHA-256");
   }
+  Statement studies =
+      db.Prepare("SELECT name FROM study WHERE sha256 IS NOT " + std::string(kStudySha256));
+  while (studies.Step()) {
+    problems->push_back("study " + studies.Text(0) + ": its row does not have its SHA-256");
+  }
+  const std::int64_t points = db.QueryInt("SELECT count(*) FROM published WHERE sha256 IS NOT " +
+                                          std::string(kPublishedSha256))
+                                  .value_or(0);
+  if (points > 0) {
+    problems->push_back("published: " + GroupDigits(points) +
+                        " points do not have their SHA-256; import them again");
+  }
+}
+
+// Where a run's files are, which a merge changes.
+void CheckPaths(Connection& db, const RunInfo& run, std::vector<std::string>* problems) {
+  Statement paths = db.Prepare(
+      "SELECT 'log_path', log_path FROM run WHERE run_id = ?1 AND"
+      " log_path_sha256 IS NOT sha256(log_path) UNION ALL SELECT 'path of an artifact', path FROM"
+      " artifact WHERE run_id = ?1 AND path_sha256 IS NOT sha256(path)");
+  paths.Bind(run.run_id);
+  while (paths.Step()) {
+    problems->push_back(NameOf(run) + "its " + paths.Text(0) + ", " + Printable(paths.Text(1)) +
+                        ", does not have its SHA-256");
+  }
+}
+
+void VerifyRun(Database* database, const RunInfo& run, std::vector<std::string>* problems) {
+  CheckDigests(database, run, problems);
+  Connection& db = database->connection();
+  FindHolesInSteps(db, run, NameOf(run), problems);
+  FindHolesInEpisodes(db, run, NameOf(run), problems);
+  FindHolesInSegments(db, run, NameOf(run), problems);
+  CheckPaths(db, run, problems);
 }
 
 }  // namespace
@@ -236,7 +260,7 @@ std::vector<std::string> Verify(Database* database, const RunFilter& filter) {
                        " that is not there");
   }
   VerifySchema(database, &problems);
-  VerifyMetrics(db, &problems);
+  VerifySharedRows(db, &problems);
   for (const RunInfo& run : database->ListRuns(filter)) VerifyRun(database, run, &problems);
   db.Execute("COMMIT");
   return problems;

@@ -211,6 +211,9 @@ TEST(Database, OlderSchemasAreBroughtUpToDate) {
     EXPECT_EQ(reader->GetRun(1)->study, "kept");
     EXPECT_EQ(Count(reader.get(), "SELECT n_rows FROM chunk_digest"), 3);
     EXPECT_EQ(reader->connection().QueryText("SELECT doc_sha256 FROM metric"), Sha256Hex("a loss"));
+    EXPECT_EQ(reader->connection().QueryText("SELECT sha256 FROM study"),
+              Sha256Hex("kept\n\nthen"));
+    EXPECT_EQ(reader->connection().QueryText("SELECT log_path_sha256 FROM run"), Sha256Hex(""));
     EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_final"), 0);
     EXPECT_EQ(Count(reader.get(), "SELECT count(*) FROM v_run"), 1);
     EXPECT_EQ(Count(reader.get(), "SELECT * FROM mine"), 7);
@@ -243,7 +246,10 @@ TEST(Database, AnOlderSchemaStaysWhileARunIsActive) {
     MakeRun(db.get(), {.seed = 0});
     MakeRun(db.get(), {.seed = 1});
     db->connection().Execute(DropViews() +
-                             "; ALTER TABLE metric DROP COLUMN doc_sha256; PRAGMA user_version = " +
+                             "; ALTER TABLE study DROP COLUMN sha256; ALTER TABLE published DROP"
+                             " COLUMN sha256; ALTER TABLE run DROP COLUMN"
+                             " log_path_sha256; ALTER TABLE artifact DROP COLUMN path_sha256;"
+                             " PRAGMA user_version = " +
                              std::to_string(SchemaVersion() - 1));
   }
   const auto beat = [&](const std::string& status, double seconds_ago) {

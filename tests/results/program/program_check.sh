@@ -103,7 +103,7 @@ expect 2 "no run status" "$results" list --status gone --db "$folder/copy.db"
 # With a run go its evaluations, named and counted, and their files; unless one is active.
 sqlite3 "$folder/copy.db" "INSERT INTO run SELECT 900, '00000000-0000-4000-8000-000000000900', study_id, task_id, planner, model,
   env_plugin, model_plugin, planner_plugin, config_id, preset, seed, action_repeat, 0, 0, 'running', 2, log_path, NULL, '', argv,
-  build_id, created_utc, NULL, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), NULL FROM run WHERE run_id = 2"
+  build_id, created_utc, NULL, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), NULL, log_path_sha256 FROM run WHERE run_id = 2"
 files="$folder/copy.db.files/00000000-0000-4000-8000-000000000900"
 mkdir -p "$files"
 expect 2 "run 900, an evaluation of run 2, is running" "$results" delete 2 --yes --db "$folder/copy.db"

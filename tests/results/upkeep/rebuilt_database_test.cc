@@ -73,7 +73,7 @@ TEST_F(RebuiltDatabase, OfAnOlderSchemaIsBroughtUpToDate) {
     {
       Connection old(path, OpenMode::kCreate);
       for (std::size_t v = 0; v < version; ++v) old.Execute(Migrations()[v]);
-      old.Execute("INSERT INTO study VALUES (1, 'kept', '', 'then')");
+      old.Execute("INSERT INTO study (name, description, created_utc) VALUES ('kept', '', 'then')");
     }
     const auto db = Database::OpenReadOnly(path);
     EXPECT_EQ(Count(db.get(), "PRAGMA user_version"), SchemaVersion());
