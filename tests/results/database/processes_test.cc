@@ -1,6 +1,7 @@
 // Several processes on one file, and processes killed while they write. Children
 // are forked before any connection is open: none is carried over.
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -78,7 +79,10 @@ TEST(Processes, AKillLosesNoCommittedRowAndTearsNoCommit) {
         if (write(reports[1], &episode, sizeof episode) != sizeof episode) _exit(2);
       }
     });
-    // A different moment each round; what matters is checked for every one.
+    // A different moment each round, of every other from its first commit on; what matters is
+    // checked for every one.
+    pollfd first_commit = {reports[0], POLLIN, 0};
+    if (round % 2 == 1) poll(&first_commit, 1, 10000);
     const timespec pause = {0, 5000000 + round * 3000000};
     nanosleep(&pause, nullptr);
     kill(child, SIGKILL);
