@@ -71,7 +71,7 @@ def compare(name, played, returns):
 def main():
     with tempfile.TemporaryDirectory() as name:
         programs = Trainer(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
-        agent, returns = programs.trained("cartpole", "cartpole_balance", 8000, [])
+        agent, returns = programs.trained("cartpole", "cartpole_balance", 14000, [])
         environment = suite.load("cartpole", "balance", task_kwargs={"random": 1})
         compare("dm_control", dreamsearch.play(agent, environment, EPISODES), returns)
 
