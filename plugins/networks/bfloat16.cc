@@ -356,12 +356,10 @@ PAIR_TARGET void MultiplyPairs(const std::uint16_t* left, const std::uint16_t* r
   }
 }
 
-bool HasTiles() { return ChosenInstructionSet() >= InstructionSet::kAmx; }
-
 // A product by the unit that the chosen instruction set has.
 class Product {
  public:
-  Product() : tiles_(HasTiles()) {
+  Product() : tiles_(ChosenInstructionSet() >= InstructionSet::kAmx) {
     if (tiles_) BeginTiles();
   }
   ~Product() {
@@ -376,7 +374,7 @@ class Product {
   }
 
  private:
-  bool tiles_;
+  const bool tiles_;
 };
 
 // y = start + (tiles) x, 32 columns of x at a time so that they stay in the first-level

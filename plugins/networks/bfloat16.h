@@ -3,8 +3,8 @@
 //
 // A factor is rounded to the nearest bfloat16 (8 bits of significand, a relative
 // error of at most 2^-9), products are exact, sums are float. Weights stay float
-// elsewhere; here are rounded copies of them, laid out for them and remade
-// after every change. Only where Bfloat16Available().
+// elsewhere; here are rounded copies of them, laid out for the products and
+// remade after every change. Only where Bfloat16Available().
 #pragma once
 
 #include <cstdint>

@@ -28,7 +28,7 @@ const std::string& DropViews();
 const std::string& CreateViews();
 
 // Some rows have a SHA-256 of what no digest of a run covers, made by the function sha256() of a
-// Connection. Fills those that are empty, as those of an older schema are after its migrations.
+// Connection. Fills those that are empty after the migrations of an older schema.
 const std::string& FillDigests();
 // The expressions for those of a study and of a published point.
 inline constexpr char kStudySha256[] =

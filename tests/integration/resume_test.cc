@@ -55,6 +55,10 @@ class ResumeTest : public testing::Test {
     place_.Query("r.db", "delete from artifact");
     for (const std::filesystem::path& path : Files(".ckpt")) std::filesystem::remove(path);
   }
+  // As if it had been stopped after its last checkpoint.
+  void Interrupt() const {
+    place_.Query("r.db", "update run set status = 'interrupted', exit_code = 75");
+  }
   void ChangePlugin() const { std::ofstream(plugin_, std::ios::app) << "changed"; }
   std::vector<std::filesystem::path> Files(const std::string& extension) const {
     std::vector<std::filesystem::path> found;
@@ -89,7 +93,7 @@ TEST_F(ResumeTest, ARunWithoutItsSettingsGetsThemFromTheSameCommand) {
 
 TEST_F(ResumeTest, ACheckpointOfAnOlderRunnerIsRefusedWithASentenceAndNothingIsLost) {
   ASSERT_EQ(Run("random", "").exit_status, 0);
-  place_.Query("r.db", "update run set status = 'interrupted', exit_code = 75");
+  Interrupt();
   for (const std::filesystem::path& path : Files(".ckpt")) {
     std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
     file.seekp(7).put(1);  // the format
@@ -114,7 +118,7 @@ TEST_F(ResumeTest, ACheckpointOfALowerInstructionSetIsResumedUnderIt) {
   const char* lowest = InstructionSetName(InstructionSet::kBaseline);
   ::setenv(kInstructionSetVariable, lowest, 1);
   ASSERT_EQ(Run("random", "").exit_status, 0);
-  place_.Query("r.db", "update run set status = 'interrupted', exit_code = 75");
+  Interrupt();
   ::unsetenv(kInstructionSetVariable);
   const ProgramResult refused = Resume("1");
   EXPECT_EQ(refused.exit_status, 74) << refused.err;
