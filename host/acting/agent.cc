@@ -97,6 +97,13 @@ void Agent::BeginEpisode(EpisodePurpose phase, std::uint64_t episode) {
   ThrowUnlessOk(parts_.planner->BeginEpisode(&proxy_), parts_.planner_text + " BeginEpisode");
 }
 
+void Agent::StandBeside(const Agent& other, View<const double> action) {
+  BeginEpisode(other.phase_, other.episode_);
+  decision_ = other.decision_;
+  std::copy(action.begin(), action.end(), action_.data());
+  std::copy_n(other.Latent(other.current_), latent_bytes_, Latent(current_));
+}
+
 Decision Agent::Decide(View<const double> observation, bool explore, std::uint64_t environment_step,
                        TreeSink* tree) {
   const double begin = Now();
@@ -184,7 +191,7 @@ void Agent::Save(StateWriter* writer) const {
   writer->Array("agent_action", action_.data(), action_.size());
   const std::uint64_t transitions = proxy_.transitions();
   (*writer)("agent_transitions", &transitions);
-  writer->Array("agent_latent", const_cast<Agent*>(this)->Latent(current_), latent_bytes_);
+  writer->Array("agent_latent", Latent(current_), latent_bytes_);
   const CallScope scope({"", parts_.planner_text.c_str(), "Save"});
   ThrowUnlessOk(
       writer->Stream("planner_memory", [&](ByteSink* sink) { return parts_.planner->Save(sink); }),

@@ -64,6 +64,10 @@ class Agent {
   // From the next Decide on.
   void set_run_seed(std::uint64_t seed) { parts_.run_seed = seed; }
 
+  // Goes to where another agent of the same model stands after its Decide, as if that had
+  // chosen `action`, [A]. What its planner carries from decision to decision is not taken over.
+  void StandBeside(const Agent& other, View<const double> action);
+
   // Updates the belief with what the last action led to, and chooses the next.
   // observation: [O]; environment_step: steps the run has made.
   Decision Decide(View<const double> observation, bool explore, std::uint64_t environment_step,
@@ -90,6 +94,9 @@ class Agent {
 
  private:
   std::byte* Latent(std::size_t index);
+  const std::byte* Latent(std::size_t index) const {
+    return const_cast<Agent*>(this)->Latent(index);
+  }
   // Throws Failure unless Plan set what it must and nothing beside it.
   void CheckOutputs() const;
 

@@ -130,6 +130,9 @@ EpisodePlayers::EpisodePlayers(Parts parts) : parts_(std::move(parts)) {
     agent.run_seed = parts_.run_seed;
     agent.clock = [model = parts_.model, seat] { return model->Seconds(seat); };
     agents_.push_back(std::make_unique<Agent>(agent));
+    if (parts_.ranks.every == 0) continue;
+    rankers_.push_back(std::make_unique<RootRanker>(agent, parts_.environment_name,
+                                                    parts_.action_repeat, parts_.ranks.decisions));
   }
 }
 
@@ -153,6 +156,7 @@ EpisodePlayers::Parts EpisodePlayers::PartsOf(const RunSpec& spec, const Compone
   const bool evaluation = who == Who::kEvaluationPlanner;
   const ResolvedComponent& planner = evaluation ? spec.eval_planner : spec.planner;
   parts.agent.SetPlanner(planner);
+  if (spec.evaluation && planner.Has(kSearches)) parts.ranks = spec.evaluation->ranks;
   for (std::size_t i = 0; i < model->seats(); ++i) {
     parts.planners.push_back(evaluation ? components.MakeEvaluationPlanner(*model->seat(i))
                                         : components.MakePlanner(*model->seat(i)));
@@ -193,9 +197,12 @@ bool EpisodePlayers::PlayOne(std::size_t seat, std::uint64_t index, const Episod
   HeldAction held;
   for (std::uint64_t t = 0; !held.last; ++t) {
     if (!course.go_on(index, t)) return false;
-    const Decision decision =
-        agent->Decide(view, false, env_step, course.tree ? course.tree(index, t) : nullptr);
+    const bool rank = course.ranked && !rankers_.empty() && t % parts_.ranks.every == 0;
+    TreeCollector tree;
+    TreeSink* sink = rank ? &tree : course.tree ? course.tree(index, t) : nullptr;
+    const Decision decision = agent->Decide(view, false, env_step, sink);
     if (course.decided) course.decided(index, t, decision, *agent);
+    if (rank) course.ranked(index, t, rankers_[seat]->Rank(*agent, tree, env_step));
     held = HoldAction(environment, name, agent->action(), parts_.action_repeat, view);
     if (course.arrived) course.arrived(index, t + 1, environment, &held);
     if (!held.diverged.empty()) {

@@ -26,6 +26,7 @@
 #include "host/acting/agent.h"
 #include "host/acting/components.h"
 #include "host/acting/joint_model.h"
+#include "host/acting/root_ranking.h"
 #include "results/database/run_writer.h"
 
 namespace dreamsearch {
@@ -79,6 +80,9 @@ struct EpisodeCourse {
   std::function<TreeSink*(std::uint64_t index, std::uint64_t t)> tree;
   // After decision t of the agent. May be empty.
   std::function<void(std::uint64_t index, std::uint64_t t, const Decision&, const Agent&)> decided;
+  // After that, of the decisions that Parts::ranks says; `tree` is not asked for these. May be
+  // empty.
+  std::function<void(std::uint64_t index, std::uint64_t t, const RootRanking&)> ranked;
   // The environment reported a divergence after `t` decisions: the row that follows has the
   // return so far. May be empty.
   std::function<void(std::uint64_t index, std::uint64_t t, const std::string& message)> diverged;
@@ -126,6 +130,7 @@ class EpisodePlayers {
     std::string environment_name;
     std::uint64_t action_repeat = 1;
     std::uint64_t run_seed = 0;
+    RankingSpec ranks;
   };
   explicit EpisodePlayers(Parts parts);
 
@@ -143,7 +148,9 @@ class EpisodePlayers {
                std::uint64_t env_step, results::EpisodeRow* row);
 
   Parts parts_;
-  std::vector<std::unique_ptr<Agent>> agents_;  // of each seat
+  // Of each seat.
+  std::vector<std::unique_ptr<Agent>> agents_;
+  std::vector<std::unique_ptr<RootRanker>> rankers_;  // none unless decisions are ranked
 };
 
 }  // namespace dreamsearch

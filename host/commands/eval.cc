@@ -26,7 +26,15 @@ struct Figures {
   std::vector<double> returns;
   double decisions = 0, plan_us = 0, transitions = 0;
   std::size_t runs = 0, finished = 0;
+  std::map<std::string, std::vector<double>> rankings;  // of each run, by the metric's name
 };
+
+// Metrics of an evaluation and what the table calls them.
+constexpr std::pair<const char*, const char*> kRankingColumns[] = {
+    {"ranking.correlation", "rank correlation"},
+    {"ranking.first_visits", "first visits"},
+    {"ranking.regret", "regret"},
+    {"ranking.spread", "spread"}};
 
 // Standard deviation of the mean, from the sample's.
 double StandardError(const std::vector<double>& values) {
@@ -50,6 +58,10 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
     const auto run = database->FindRun(KeyOf(spec));
     if (!run) continue;
     if (run->status == results::RunStatus::kFinished) ++figures.finished;
+    for (const auto& [metric, title] : kRankingColumns) {
+      const std::optional<double> value = database->LastScalar(run->run_id, metric);
+      if (value) figures.rankings[metric].push_back(*value);
+    }
     for (const results::EpisodeInfo& episode : database->ListEpisodes(run->run_id)) {
       const double decisions = std::ceil(static_cast<double>(episode.length) /
                                          static_cast<double>(spec.action_repeat()));
@@ -62,8 +74,12 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
   results::Table text = {{"task", "planner", "model", "episodes", "return", "std. error",
                           "ms/decision", "transitions/decision"},
                          {}};
+  const bool ranked = specs.front().evaluation->ranks.every > 0;
+  for (const auto& [metric, title] : kRankingColumns) {
+    if (ranked) text.columns.emplace_back(title);
+  }
   for (const auto& key : order) {
-    const Figures& figures = table[key];
+    Figures& figures = table[key];
     const std::size_t n = figures.returns.size();
     std::vector<results::Cell> row(key.begin(), key.end());
     row.push_back(std::to_string(n));
@@ -75,6 +91,10 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
     row.push_back(figures.decisions == 0
                       ? "-"
                       : FormatNumber("%.1f", figures.transitions / figures.decisions));
+    for (const auto& [metric, title] : kRankingColumns) {
+      const std::vector<double>& values = figures.rankings[metric];
+      if (ranked) row.push_back(values.empty() ? "-" : FormatNumber("%.3f", Mean(values)));
+    }
     if (figures.finished < figures.runs) row.emplace_back(std::string("unfinished"));
     text.rows.push_back(std::move(row));
   }
@@ -114,6 +134,7 @@ int Eval::Run(const Words& words) {
     const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
+  for (RunSpec& spec : specs) spec.evaluation->ranks = evaluation.ranks;
   const SweepFigures figures = ProbeSweep(&specs, options.process);
   const std::vector<results::TaskInfo>& tasks = figures.tasks;
   for (const std::string& notice : figures.notices) std::cerr << "note: " << notice << "\n";

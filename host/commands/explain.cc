@@ -46,6 +46,7 @@ Subject FindSubject(results::Database* database, const std::string& run,
       std::cerr << "warning: run " << subject.info.run_id
                 << " was played before something changed: " << changed << "\n";
     }
+    subject.spec.evaluation->ranks = {};
     subject.agent = AgentCheckpoint(database, subject.spec);
     return subject;
   }

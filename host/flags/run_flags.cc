@@ -106,7 +106,12 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
           "Episode i starts in the same state under every planner and model of a run seed. The "
           "table on standard output shows the mean return and its standard error, milliseconds a "
           "decision and model transitions a decision. For times that no other episode disturbs, "
-          "play one at a time with --jobs 1. Every evaluation is a run of the database that names "
+          "play one at a time with --jobs 1. With --rank-every it has, over the decisions whose "
+          "root actions had different returns, the rank correlation of their Q with these returns, "
+          "the share of the root's visits that the first action has, by how much the best action's "
+          "return is above the played one's (regret), and the best one's above the worst one's "
+          "(spread). "
+          "Every evaluation is a run of the database that names "
           "its parent. The same command again plays only what is missing.",
       .arguments = {{"", "RUN", Text(&evaluation->run),
                      "the trained run: its number or the beginning of its UUID, from `runner "
@@ -121,6 +126,13 @@ CommandSpec EvaluationFlags(EvaluationOptions* evaluation) {
               "models, separated by commas"},
              {"episodes", "N", SettingOf(&options->settings, kEpisodesKey).Default(kEpisodesKey),
               "episodes of each planner and model"}}},
+           {"How well a search ranks its actions",
+            {{"rank-every", "N", Whole(&evaluation->ranks.every, 0),
+              "at every N-th decision play each action that the search tried, with the actor from "
+              "there on, in the simulator, and compare the returns with what the search promised; "
+              "0: never"},
+             {"rank-decisions", "N", Whole(&evaluation->ranks.decisions, 1),
+              "decisions that such a return counts"}}},
            {"Without RUN", std::move(without_run)},
            {"With which settings",
             {{"preset", "NAME", Text(&options->preset).Default("the run's; fast without RUN"),

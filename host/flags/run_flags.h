@@ -6,6 +6,7 @@
 #include <string>
 
 #include "host/settings/run_options.h"
+#include "host/settings/run_spec.h"
 #include "results/command_line/command.h"
 
 namespace dreamsearch {
@@ -18,6 +19,7 @@ struct EvaluationOptions {
   // Empty lists where the command line says nothing. The settings hold --episodes as
   // run.eval_episodes.
   RunOptions choice;
+  RankingSpec ranks;
 };
 CommandSpec EvaluationFlags(EvaluationOptions* evaluation);
 

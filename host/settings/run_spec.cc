@@ -278,6 +278,10 @@ std::string CanonicalJson(const RunSpec& spec) {
   if (spec.evaluation->trained_model) {
     json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->trained_model);
   }
+  const RankingSpec& ranks = spec.evaluation->ranks;
+  if (ranks.every > 0 && spec.planner.Has(kSearches)) {
+    json["evaluation"]["ranks"] = {{"every", ranks.every}, {"decisions", ranks.decisions}};
+  }
   return results::JsonText(json);
 }
 

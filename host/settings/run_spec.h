@@ -90,6 +90,18 @@ struct ResolvedComponent {
   }
 };
 
+// Which decisions of an evaluation the simulator judges (host/acting/root_ranking.h).
+struct RankingSpec {
+  std::uint64_t every = 0;       // decisions, the first of an episode among them; 0: none
+  std::uint64_t decisions = 50;  // that a return counts
+
+  template <typename Archive>
+  void Fields(Archive* archive) {
+    (*archive)("every", &every);
+    (*archive)("decisions", &decisions);
+  }
+};
+
 // What `runner eval` plays, instead of training.
 struct EvaluationSpec {
   // The trained run; 0 and empty for a model that needs no training.
@@ -101,6 +113,7 @@ struct EvaluationSpec {
   // The trained run's model, when it gives only proposal and value to the run's
   // own model: ModelContext::trained_model.
   std::optional<ResolvedComponent> trained_model;
+  RankingSpec ranks;
 
   template <typename Archive>
   void Fields(Archive* archive) {
@@ -110,6 +123,7 @@ struct EvaluationSpec {
     (*archive)("episode_steps", &episode_steps);
     (*archive)("agent_sha256", &agent_sha256);
     (*archive)("behaviour", &trained_model);
+    archive->AddedLater("ranks", &ranks);
   }
 };
 

@@ -19,6 +19,30 @@ namespace {
 
 constexpr PartName kEvaluationPart{"evaluation", 1};
 
+// What is recorded of the decisions that were ranked, beside the planner's metrics: the mean of
+// each over those that had an order to find, and last how many these were.
+struct RankingMetric {
+  const char* name;
+  const char* unit;
+  const char* help;
+  double RootRanking::*number;
+};
+constexpr RankingMetric kRankingMetrics[] = {
+    {"ranking.correlation", "",
+     "Rank correlation of the root's Q with the returns in the simulator.",
+     &RootRanking::correlation},
+    {"ranking.first_visits", "", "Share of the root's visits that its first action has.",
+     &RootRanking::first_visits},
+    {"ranking.regret", "reward",
+     "Return in the simulator of the root's best action less that of the played one.",
+     &RootRanking::regret},
+    {"ranking.spread", "reward",
+     "Return in the simulator of the root's best action less that of its worst.",
+     &RootRanking::spread},
+    {"ranking.decisions", "decisions", "Decisions ranked whose actions had different returns.",
+     nullptr},
+};
+
 }  // namespace
 
 EvaluationPlayer::EvaluationPlayer(const Components& components, const RunSpec& spec,
@@ -137,6 +161,12 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
       folder_(std::move(folder)),
       components_(spec_),
       metric_ids_(MetricIds(spec_.planner, writer_)) {
+  planner_metrics_ = metric_ids_.size();
+  if (spec_.evaluation->ranks.every > 0 && spec_.planner.Has(kSearches)) {
+    for (const RankingMetric& metric : kRankingMetrics) {
+      metric_ids_.push_back(writer_->Metric(metric.name, metric.unit, metric.help));
+    }
+  }
   at_.metric_sums.resize(metric_ids_.size());
 }
 
@@ -180,8 +210,13 @@ void Evaluation::Record(const Played& played, double seconds) {
   at_.seconds = seconds;
   for (std::size_t i = 0; i < at_.metric_sums.size(); ++i) {
     at_.metric_sums[i] += played.metric_sums[i];
+  }
+  for (std::size_t i = 0; i < at_.metric_sums.size(); ++i) {
+    const bool ranking = i >= planner_metrics_, count = ranking && i + 1 == at_.metric_sums.size();
+    const double decisions = ranking ? at_.metric_sums.back() : static_cast<double>(at_.decisions);
+    if (decisions == 0 && !count) continue;
     writer_->AddScalar(static_cast<std::int64_t>(env_step()), metric_ids_[i],
-                       at_.metric_sums[i] / static_cast<double>(at_.decisions));
+                       at_.metric_sums[i] / (count ? 1 : decisions));
   }
   writer_->AddTimeUse({static_cast<std::int64_t>(env_step()), "evaluation", seconds});
   writer_->SetProgress(static_cast<std::int64_t>(env_step()));
@@ -228,8 +263,15 @@ RunLoop::Outcome Evaluation::Run(const std::atomic<bool>* stop, const Watcher& w
       Played& played = playing[index];
       ++played.decisions;
       queue.env_steps += spec_.action_repeat();
-      for (std::size_t i = 0; i < played.metric_sums.size(); ++i) {
+      for (std::size_t i = 0; i < planner_metrics_; ++i) {
         played.metric_sums[i] += player_agent.metrics()[i];
+      }
+    };
+    course.ranked = [&](std::uint64_t index, std::uint64_t, const RootRanking& ranking) {
+      if (!ranking.ordered) return;
+      double* sum = playing[index].metric_sums.data() + planner_metrics_;
+      for (const RankingMetric& metric : kRankingMetrics) {
+        *sum++ += metric.number == nullptr ? 1 : ranking.*metric.number;
       }
     };
     course.diverged = [&](std::uint64_t index, std::uint64_t t, const std::string& message) {

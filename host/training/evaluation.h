@@ -106,7 +106,9 @@ class Evaluation final : public RunLoop {
   results::RunWriter* writer_;
   const std::filesystem::path folder_;
   Components components_;
+  // The planner's metrics, and what rankings give.
   std::vector<std::int64_t> metric_ids_;
+  std::size_t planner_metrics_ = 0;
   Position at_;
 };
 

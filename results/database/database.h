@@ -285,6 +285,9 @@ class Database {
   // A run's episodes in the order of phase and episode.
   std::vector<EpisodeInfo> ListEpisodes(std::int64_t run_id);
 
+  // The last recorded value of a metric, such as "mcts_pw.q_gain"; nothing if there is none.
+  std::optional<double> LastScalar(std::int64_t run_id, const std::string& metric);
+
   // The absolute path of the recorded file of that kind with the largest env_step; empty
   // if the run has recorded none.
   std::string LastArtifact(std::int64_t run_id, const std::string& kind);

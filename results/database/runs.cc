@@ -344,6 +344,14 @@ std::vector<EpisodeInfo> Database::ListEpisodes(std::int64_t run_id) {
   return episodes;
 }
 
+std::optional<double> Database::LastScalar(std::int64_t run_id, const std::string& metric) {
+  Statement find = connection_->Prepare(
+      "SELECT value FROM scalar JOIN metric USING (metric_id) WHERE run_id = ?1 AND name = ?2 "
+      "ORDER BY env_step DESC LIMIT 1");
+  if (!find.Bind(run_id, metric).Step() || find.IsNull(0)) return std::nullopt;
+  return find.Real(0);
+}
+
 std::string Database::LastArtifact(std::int64_t run_id, const std::string& kind) {
   Statement find = connection_->Prepare(
       "SELECT path FROM artifact WHERE run_id = ?1 AND kind = ?2 ORDER BY env_step DESC LIMIT 1");

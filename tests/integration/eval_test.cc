@@ -189,6 +189,63 @@ TEST_F(EvalTest, InterruptedItGoesOnWithTheNextEpisode) {
             "0");
 }
 
+TEST_F(EvalTest, TheSimulatorRanksWhatOneStepOfItPromisedJustSo) {
+  // One transition of true dynamics, and no value beyond it, is the return of one decision.
+  const auto evaluate = [](const std::string& db, std::vector<std::string> more) {
+    std::vector<std::string> all = {"eval",
+                                    "--env",
+                                    "cartpole_balance",
+                                    "--planner",
+                                    "rollout,mcts_pw,dreamer",
+                                    "--episodes",
+                                    "2",
+                                    "--set",
+                                    "rollout.depth=1",
+                                    "--db",
+                                    db};
+    all.insert(all.end(), more.begin(), more.end());
+    return place_->Runner(all);
+  };
+  const ProgramResult ranked =
+      evaluate("ranked.db", {"--rank-every", "100", "--rank-decisions", "1"});
+  ASSERT_EQ(ranked.exit_status, 0) << ranked.err;
+  ASSERT_EQ(evaluate("plain.db", {}).exit_status, 0);
+  const auto metric = [](const std::string& planner, const std::string& name) {
+    return place_->Value("ranked.db",
+                         "select printf('%.6f', value) from scalar join metric using (metric_id) "
+                         "join run using (run_id) where planner = '" +
+                             planner + "' and metric.name = 'ranking." + name + "'");
+  };
+  EXPECT_EQ(metric("rollout", "correlation"), "1.000000");
+  EXPECT_EQ(metric("rollout", "regret"), "0.000000");
+  EXPECT_EQ(metric("rollout", "first_visits"), "0.006667");  // one of 150 candidates
+  EXPECT_EQ(metric("rollout", "decisions"), "10.000000");    // two episodes of 500
+  EXPECT_NE(metric("mcts_pw", "correlation"), "1.000000");   // its returns differ in depth
+  EXPECT_EQ(metric("dreamer", "decisions"), "");
+  EXPECT_NE(ranked.out.find("rank correlation"), std::string::npos) << ranked.out;
+  // What was tried changed nothing.
+  const std::string digests = "select group_concat(result_digest) from run";
+  EXPECT_EQ(place_->Value("ranked.db", digests), place_->Value("plain.db", digests));
+}
+
+TEST_F(EvalTest, ARankedEvaluationIsARunOfItsOwnWithTheSameEpisodes) {
+  const std::vector<std::string> arguments = {"eval",         "1",   "--planner",        "mcts_pw",
+                                              "--rank-every", "7",   "--rank-decisions", "5",
+                                              "--db",         "e.db"};
+  const std::string runs = Value("select count(*) from run");
+  const ProgramResult ranked = place_->Runner(arguments);
+  ASSERT_EQ(ranked.exit_status, 0) << ranked.err;
+  EXPECT_EQ(Value("select count(*) - " + runs + " from run"), "1");
+  EXPECT_EQ(Value("select count(distinct result_digest) from run where parent_run_id = 1 and "
+                  "planner = 'mcts_pw' and model = 'dreamer' and env_steps_done = 4000"),
+            "1");
+  EXPECT_EQ(Value("select count(*) from scalar join metric using (metric_id) where run_id = "
+                  "(select max(run_id) from run) and name like 'ranking.%'"),
+            "5");
+  EXPECT_EQ(place_->Runner(arguments).out, ranked.out);
+  EXPECT_EQ(Value("select count(*) - " + runs + " from run"), "1");
+}
+
 TEST_F(EvalTest, SaysWhatItCannotEvaluate) {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
       {{"eval", "2", "--planner", "dreamer"}, "the trained run is 1"},
