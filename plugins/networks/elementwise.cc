@@ -54,6 +54,7 @@
   KERNEL(double, BernoulliError, (In<T> logit, In<T> target, T factor, Mat<T> d),                  \
          (logit, target, factor, d))                                                               \
   KERNEL(void, Sigmoid, (In<T> x, Mat<T> y), (x, y))                                               \
+  KERNEL(void, Atanh, (Mat<T> x), (x))                                                             \
   KERNEL(void, ActorForward,                                                                       \
          (In<T> raw, In<T> noise, const ActorShape& shape, Mat<T> squashed, Mat<T> std,            \
           Mat<T> action, Mat<T> entropy),                                                          \
@@ -139,6 +140,14 @@ void Elu(Mat<T> matrix) {
   const Mat<T> x = Flat(matrix);
   ForVectors<T>(x.rows, x.cols, [&](Index j, Index i, Index n) HWY_ATTR {
     Store<T>(EluOf<T>(Load(x.col(j) + i, n)), x.col(j) + i, n);
+  });
+}
+
+template <typename T>
+void Atanh(Mat<T> matrix) {
+  const Mat<T> x = Flat(matrix);
+  ForVectors<T>(x.rows, x.cols, [&](Index j, Index i, Index n) HWY_ATTR {
+    Store<T>(hn::Atanh(Tag<T>(), Load(x.col(j) + i, n)), x.col(j) + i, n);
   });
 }
 

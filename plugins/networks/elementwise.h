@@ -98,6 +98,10 @@ double BernoulliError(In<T> logit, In<T> target, T factor, Mat<T> d);
 template <typename T>
 void Sigmoid(In<T> x, Mat<T> y);
 
+// The inverse of tanh, in place; the numbers lie between -1 and 1.
+template <typename T>
+void Atanh(Mat<T> x);
+
 // The actor's distribution: from raw = (m, c), A rows each,
 //   mean = limit * tanh(m / limit)   std = softplus(c + offset) + min_std
 // or, with bounds on ln std,

@@ -20,6 +20,12 @@ double Imitation<T>::Add(Index row, double factor, In<T> squashed, In<T> std, In
   const float* actions = batch_.search_actions.data + row * candidates * a;
   const float* weights = batch_.search_weights.data + row * candidates;
   const double components = static_cast<double>(a);
+  const Mat<T> before_tanh = before_tanh_.Shape(candidates * a, 1);
+  const T largest = static_cast<T>(kLargestCandidate);
+  for (Index i = 0; i < candidates * a; ++i) {
+    before_tanh(i, 0) = std::clamp(static_cast<T>(actions[i]), -largest, largest);
+  }
+  Atanh(before_tanh);
   double nll = 0;
   for (Index i = 0; i < a; ++i) {
     const double mean = mean_factor_ * static_cast<double>(squashed(i, j));
@@ -29,9 +35,7 @@ double Imitation<T>::Add(Index row, double factor, In<T> squashed, In<T> std, In
     for (Index k = 0; k < candidates; ++k) {
       const auto weight = static_cast<double>(weights[k]);
       if (weight == 0) continue;
-      const double action = std::clamp(static_cast<double>(actions[k * a + i]), -kLargestCandidate,
-                                       kLargestCandidate);
-      const double error = mean - std::atanh(action);
+      const double error = mean - static_cast<double>(before_tanh(k * a + i, 0));
       total += weight;
       errors += weight * error;
       squares += weight * error * error;

@@ -53,7 +53,7 @@ class Imitation {
  private:
   SequenceBatch batch_;
   double mean_factor_ = 1;  // of what ActorForward calls squashed
-  Buffer<T> memory_;
+  Buffer<T> memory_, before_tanh_;
   Mat<T> gradient_;
 };
 

@@ -76,6 +76,21 @@ TYPED_TEST(ElementwiseOf, FunctionsAreExactToSomeRoundings) {
   Show("sigmoid", sigmoid / epsilon);
   EXPECT_LT(sigmoid, 4 * epsilon);
 
+  const double atanh = LargestError<T>(
+      [&](std::vector<T>* v) {
+        for (T& x : *v) x = std::clamp(x / T(40), T(-0.999), T(0.999));
+        Atanh(whole(v));
+      },
+      [](double x) {
+        const double clipped =
+            std::clamp(static_cast<double>(static_cast<T>(x) / T(40)),
+                       static_cast<double>(T(-0.999)), static_cast<double>(T(0.999)));
+        return std::atanh(clipped);
+      },
+      one);
+  Show("atanh", atanh / epsilon);
+  EXPECT_LT(atanh, 4 * epsilon);
+
   // std = softplus(c) + least, of an empty mean.
   const double softplus = LargestError<T>(
       [&](std::vector<T>* v) {
