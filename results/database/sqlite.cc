@@ -60,13 +60,18 @@ bool IsUnchangeable(const std::string& path) {
   return access(folder.c_str(), W_OK) != 0 && access((path + "-wal").c_str(), F_OK) != 0;
 }
 
-// sha256(text), in hexadecimal; NULL of NULL.
-void Sha256OfText(sqlite3_context* context, int, sqlite3_value** values) {
+// A Connection::TextFunction as SQLite calls it: nothing is thrown through SQLite's frames.
+void CallTextFunction(sqlite3_context* context, int, sqlite3_value** values) noexcept {
   const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(values[0]));
   if (text == nullptr) return;
-  const std::string digest =
-      Sha256Hex({text, static_cast<std::size_t>(sqlite3_value_bytes(values[0]))});
-  sqlite3_result_text64(context, digest.data(), digest.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  const auto size = static_cast<std::size_t>(sqlite3_value_bytes(values[0]));
+  try {
+    const auto& function = *static_cast<Connection::TextFunction*>(sqlite3_user_data(context));
+    const std::string result = function({text, size});
+    sqlite3_result_text64(context, result.data(), result.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  } catch (const std::exception& error) {
+    sqlite3_result_error(context, error.what(), -1);
+  }
 }
 
 // After a lock that was not to be had: throws if there are none.
@@ -263,12 +268,18 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   }
   WaitForLocks([](double seconds) { return seconds < kLockPatienceSeconds; });
   sqlite3_busy_handler(handle_, OnLocked, this);
-  sqlite3_create_function_v2(handle_, "sha256", 1,
-                             SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS, nullptr,
-                             Sha256OfText, nullptr, nullptr, nullptr);
+  AddFunction("sha256", [](const std::string& text) { return Sha256Hex(text); });
 }
 
 Connection::~Connection() { sqlite3_close_v2(handle_); }
+
+void Connection::AddFunction(const std::string& name, TextFunction function) {
+  const int code = sqlite3_create_function_v2(
+      handle_, name.c_str(), 1, SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS,
+      new TextFunction(std::move(function)), CallTextFunction, nullptr, nullptr,
+      [](void* added) { delete static_cast<TextFunction*>(added); });
+  if (code != SQLITE_OK) ThrowSqlite(handle_, path_, "adding the function " + name);
+}
 
 void Connection::WaitForLocks(LockWaiter waiter) { lock_waiter_ = std::move(waiter); }
 

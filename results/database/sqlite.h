@@ -112,6 +112,12 @@ class Connection {
   std::int64_t LastInsertId() const;
   std::int64_t Changes() const;  // rows of the last statement, triggers not counted
 
+  // Gives SQL a function of one text, NULL of NULL, in place of an older one of that name. It
+  // depends on the text alone; what it throws is the statement's error. `sha256`, in hexadecimal,
+  // is always there.
+  using TextFunction = std::function<std::string(const std::string& text)>;
+  void AddFunction(const std::string& name, TextFunction function);
+
   // Asked again and again while another process has locked the database, with the seconds of
   // this waiting so far; false ends it with Failure 74, as a file system without locks does. At
   // first: 30 seconds.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <utility>
 
@@ -43,36 +42,11 @@ class Attached {
   Connection* db_;
 };
 
-// Gives SQL the function merged_path for the lifetime of the object.
-class PathFunction {
- public:
-  using Function = std::function<std::string(const std::string&)>;
-
-  PathFunction(Connection* db, Function function) : db_(db), function_(std::move(function)) {
-    const int code = sqlite3_create_function_v2(db_->handle(), kName, 1, SQLITE_UTF8, &function_,
-                                                Call, nullptr, nullptr, nullptr);
-    if (code != SQLITE_OK) ThrowSqlite(db_->handle(), db_->path(), "preparing to merge");
-  }
-  ~PathFunction() {
-    sqlite3_create_function_v2(db_->handle(), kName, 1, SQLITE_UTF8, nullptr, nullptr, nullptr,
-                               nullptr, nullptr);
-  }
-  PathFunction(const PathFunction&) = delete;
-  PathFunction& operator=(const PathFunction&) = delete;
-
- private:
-  static constexpr char kName[] = "merged_path";
-
-  static void Call(sqlite3_context* context, int, sqlite3_value** values) {
-    const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(values[0]));
-    const std::string moved =
-        (*static_cast<const Function*>(sqlite3_user_data(context)))(text == nullptr ? "" : text);
-    sqlite3_result_text64(context, moved.data(), moved.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
-  }
-
-  Connection* db_;
-  Function function_;
-};
+// A path that is stored in the database `source`, as `target` stores it.
+std::string MovedPath(const std::string& path, const std::string& source, const Database& target) {
+  if (path.empty() || path[0] == '/') return path;
+  return target.RelativePath((std::filesystem::path(source).parent_path() / path).string());
+}
 
 // Every row that is copied refers to a row that is there, so they are not looked up one by one.
 class ForeignKeysTrusted {
@@ -105,7 +79,10 @@ class Merger {
       return !a.parent_run_id && b.parent_run_id;
     });
     const Attached attached(&db_, source_->path());
-    const PathFunction paths(&db_, [this](const std::string& path) { return Moved(path); });
+    db_.AddFunction("merged_path",
+                    [source = source_->path(), target = target_](const std::string& path) {
+                      return MovedPath(path, source, *target);
+                    });
     db_.Execute(
         "CREATE TEMP TABLE IF NOT EXISTS host_map (old INTEGER PRIMARY KEY, new INTEGER);"
         "CREATE TEMP TABLE IF NOT EXISTS build_map (old INTEGER PRIMARY KEY, new INTEGER)");
@@ -212,9 +189,10 @@ class Merger {
            " log_path_sha256 = sha256(?5),"
            " exit_code = ?6, error = ?7, created_utc = ?8, ended_utc = ?9,"
            " heartbeat_utc = ?10, result_digest = ?11 WHERE run_id = ?1")
-        .Bind(run_id, run.uuid, run.env_steps_done, RunStatusName(run.status), Moved(run.log_path),
-              run.exit_code, run.error, run.created_utc, Maybe(run.ended_utc),
-              Maybe(run.heartbeat_utc), Maybe(run.result_digest))
+        .Bind(run_id, run.uuid, run.env_steps_done, RunStatusName(run.status),
+              MovedPath(run.log_path, source_->path(), *target_), run.exit_code, run.error,
+              run.created_utc, Maybe(run.ended_utc), Maybe(run.heartbeat_utc),
+              Maybe(run.result_digest))
         .Run();
     CopyRows(run.run_id, run_id, settings_.decisions || run.status != RunStatus::kFinished);
   }
@@ -246,13 +224,6 @@ class Merger {
 
   static std::optional<std::string> Maybe(const std::string& text) {
     return text.empty() ? std::nullopt : std::optional(text);
-  }
-
-  // A path stored relative to the source's folder, as seen from the target.
-  std::string Moved(const std::string& path) const {
-    if (path.empty() || path[0] == '/') return path;
-    const std::filesystem::path folder = std::filesystem::path(source_->path()).parent_path();
-    return target_->RelativePath((folder / path).string());
   }
 
   NewRun Provenance(const RunInfo& run, std::optional<std::int64_t> parent) {

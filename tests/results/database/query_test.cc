@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <stdexcept>
+
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "tests/results/database/recording.h"
@@ -36,6 +38,21 @@ TEST_F(QueryTest, ReadsTablesViewsFunctionsAndJson) {
                 " WHERE i < 9) SELECT sum(i) AS total FROM n")
                 .find("45"),
             std::string::npos);
+}
+
+TEST_F(QueryTest, AFunctionOfOursGivesTextAndItsFailureIsTheQuerys) {
+  db_->connection().AddFunction("shout", [](const std::string& text) {
+    if (text == "quiet") throw std::runtime_error("not in here");
+    return text + "!";
+  });
+  EXPECT_EQ(Csv("SELECT shout('a') AS a, shout(NULL) IS NULL AS b, sha256('') AS c"),
+            "a,b,c\na!,1,e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855\n");
+  try {
+    Csv("SELECT shout('quiet')");
+    FAIL() << "expected a Failure";
+  } catch (const Failure& error) {
+    EXPECT_NE(std::string(error.what()).find("not in here"), std::string::npos) << error.what();
+  }
 }
 
 TEST_F(QueryTest, ChangesNothing) {
