@@ -156,7 +156,7 @@ EpisodePlayers::Parts EpisodePlayers::PartsOf(const RunSpec& spec, const Compone
   const bool evaluation = who == Who::kEvaluationPlanner;
   const ResolvedComponent& planner = evaluation ? spec.eval_planner : spec.planner;
   parts.agent.SetPlanner(planner);
-  if (spec.evaluation && planner.Has(kSearches)) parts.ranks = spec.evaluation->ranks;
+  if (spec.evaluation) parts.ranks = spec.evaluation->ranks;
   for (std::size_t i = 0; i < model->seats(); ++i) {
     parts.planners.push_back(evaluation ? components.MakeEvaluationPlanner(*model->seat(i))
                                         : components.MakePlanner(*model->seat(i)));

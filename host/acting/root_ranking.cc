@@ -67,11 +67,15 @@ RootRanker::RootRanker(Agent::Parts agent, const std::string& environment_name,
   state_.resize(state_saving_->state_bytes());
 }
 
+void RootRanker::Restore() {
+  ThrowUnlessOk(state_saving_->RestoreState({state_.data(), state_.size()}),
+                "environment '" + environment_name_ + "' RestoreState");
+}
+
 double RootRanker::ReturnAfter(const Agent& agent, View<const double> action,
                                std::uint64_t environment_step) {
   const View<double> observation{observation_.data(), observation_.size()};
-  const std::string who = "environment '" + environment_name_ + "'";
-  ThrowUnlessOk(state_saving_->RestoreState({state_.data(), state_.size()}), who + " RestoreState");
+  Restore();
   follower_.StandBeside(agent, action);
   double sum = 0;
   for (std::uint64_t i = 0; i < decisions_; ++i) {
@@ -106,8 +110,7 @@ RootRanking RootRanker::Rank(const Agent& agent, const TreeCollector& tree,
     found.push_back(ReturnAfter(agent, {edge.action.data(), edge.action.size()}, environment_step));
   }
   const double played = ReturnAfter(agent, agent.action(), environment_step);
-  ThrowUnlessOk(state_saving_->RestoreState({state_.data(), state_.size()}),
-                "environment '" + environment_name_ + "' RestoreState");
+  Restore();
   const auto [worst, best] = std::minmax_element(found.begin(), found.end());
   const auto [least, most] = std::minmax_element(promised.begin(), promised.end());
   ranking.ordered = *best > *worst && *most > *least;

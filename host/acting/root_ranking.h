@@ -49,6 +49,8 @@ class RootRanker {
   RootRanking Rank(const Agent& agent, const TreeCollector& tree, std::uint64_t environment_step);
 
  private:
+  // The environment to where the decision was made.
+  void Restore();
   double ReturnAfter(const Agent& agent, View<const double> action, std::uint64_t environment_step);
 
   Environment* const environment_;

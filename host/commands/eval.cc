@@ -45,7 +45,7 @@ double StandardError(const std::vector<double>& values) {
   return std::sqrt(squares / (n - 1) / n);
 }
 
-void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) {
+void PrintTable(results::Database* database, const std::vector<RunSpec>& specs, bool ranked) {
   std::vector<std::vector<std::string>> order;
   std::map<std::vector<std::string>, Figures> table;
   for (const RunSpec& spec : specs) {
@@ -74,7 +74,6 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs) 
   results::Table text = {{"task", "planner", "model", "episodes", "return", "std. error",
                           "ms/decision", "transitions/decision"},
                          {}};
-  const bool ranked = specs.front().evaluation->ranks.every > 0;
   for (const auto& [metric, title] : kRankingColumns) {
     if (ranked) text.columns.emplace_back(title);
   }
@@ -134,7 +133,9 @@ int Eval::Run(const Words& words) {
     const Catalogue catalogue = ScanPlugins(options.process.plugin_path);
     specs = EvaluationsWithoutTraining(options, catalogue);
   }
-  for (RunSpec& spec : specs) spec.evaluation->ranks = evaluation.ranks;
+  for (RunSpec& spec : specs) {
+    if (spec.planner.Has(kSearches)) spec.evaluation->ranks = evaluation.ranks;
+  }
   const SweepFigures figures = ProbeSweep(&specs, options.process);
   const std::vector<results::TaskInfo>& tasks = figures.tasks;
   for (const std::string& notice : figures.notices) std::cerr << "note: " << notice << "\n";
@@ -166,7 +167,7 @@ int Eval::Run(const Words& words) {
             << finished << " finished before; database " << working.Name() << std::endl;
   const SweepResult result =
       RunSweep(database.get(), options.process, std::move(jobs), working.observer());
-  PrintTable(database.get(), specs);
+  PrintTable(database.get(), specs, evaluation.ranks.every > 0);
   database.reset();
   working.Finish();
   if (result.exit_status == static_cast<int>(ExitCode::kInterrupted) ||

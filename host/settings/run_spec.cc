@@ -279,7 +279,7 @@ std::string CanonicalJson(const RunSpec& spec) {
     json["evaluation"]["behaviour"] = CanonicalComponent(*spec.evaluation->trained_model);
   }
   const RankingSpec& ranks = spec.evaluation->ranks;
-  if (ranks.every > 0 && spec.planner.Has(kSearches)) {
+  if (ranks.every > 0) {
     json["evaluation"]["ranks"] = {{"every", ranks.every}, {"decisions", ranks.decisions}};
   }
   return results::JsonText(json);

@@ -113,7 +113,7 @@ struct EvaluationSpec {
   // The trained run's model, when it gives only proposal and value to the run's
   // own model: ModelContext::trained_model.
   std::optional<ResolvedComponent> trained_model;
-  RankingSpec ranks;
+  RankingSpec ranks;  // of a planner that searches; none of others
 
   template <typename Archive>
   void Fields(Archive* archive) {

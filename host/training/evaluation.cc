@@ -162,7 +162,7 @@ Evaluation::Evaluation(const RunSpec& spec, const Options& options, results::Run
       components_(spec_),
       metric_ids_(MetricIds(spec_.planner, writer_)) {
   planner_metrics_ = metric_ids_.size();
-  if (spec_.evaluation->ranks.every > 0 && spec_.planner.Has(kSearches)) {
+  if (spec_.evaluation->ranks.every > 0) {
     for (const RankingMetric& metric : kRankingMetrics) {
       metric_ids_.push_back(writer_->Metric(metric.name, metric.unit, metric.help));
     }
