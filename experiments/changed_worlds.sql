@@ -7,10 +7,7 @@ WITH played AS (
               WHEN f.delay IS NOT NULL THEN 'action_delay'
               ELSE 'as trained' END AS world,
          coalesce(f.mass, f.actuator, f.delay) AS strength,
-         avg(e.episode_return) AS score, count(*) AS n,
-         sqrt(max(0, avg(e.episode_return * e.episode_return)
-                     - avg(e.episode_return) * avg(e.episode_return))
-              / nullif(count(*) - 1, 0)) AS error
+         avg(e.episode_return) AS score, standard_error(e.episode_return) AS error
   FROM run r
   JOIN task t USING (task_id)
   JOIN (SELECT config_id,

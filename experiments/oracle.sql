@@ -1,8 +1,7 @@
 /* A row an evaluation: return with its 95 % interval (normal), cost of a decision, settings. */
 WITH played AS (
   SELECT run_id, count(*) AS n, avg(episode_return) AS mean,
-         1.96 * sqrt(max(0, avg(episode_return * episode_return)
-                            - avg(episode_return) * avg(episode_return)) / (count(*) - 1)) AS half,
+         1.96 * standard_error(episode_return) AS half,
          sum(plan_us_mean * length) / sum(length) / 1000 AS ms,
          1.0 * sum(model_transitions) / sum(length) AS transitions_a_step
   FROM episode WHERE phase = 1 GROUP BY run_id)

@@ -16,12 +16,8 @@ table_of_gains AS (
          group_concat(CAST(round(taught) AS INTEGER), ' / ') AS taught_seeds,
          avg(untaught) AS untaught, avg(taught) AS taught, count(*) AS seeds,
          avg(gain) AS gain, avg(gain_of_curve) AS gain_of_curve,
-         iif(count(*) > 1, printf(' ± %.0f', sqrt(max(0, avg(gain * gain) - avg(gain) * avg(gain))
-                                                  / (count(*) - 1))), '') AS error,
-         iif(count(*) > 1,
-             printf(' ± %.0f', sqrt(max(0, avg(gain_of_curve * gain_of_curve)
-                                           - avg(gain_of_curve) * avg(gain_of_curve))
-                                    / (count(*) - 1))), '') AS error_of_curve
+         iif(count(*) > 1, printf(' ± %.0f', standard_error(gain)), '') AS error,
+         iif(count(*) > 1, printf(' ± %.0f', standard_error(gain_of_curve)), '') AS error_of_curve
   FROM pairs GROUP BY model, task, phase)
 SELECT model, task, iif(phase = 1, 'with mppi', 'the actor alone') AS acting,
        untaught_seeds AS "untaught, by seed", CAST(round(untaught) AS INTEGER) AS mean,

@@ -1,10 +1,7 @@
 /* The table of trained_agents.sh: evaluations of the trained runs over so many episodes in the world
    as it was trained in. */
 SELECT t.name || ', run ' || r.parent_run_id AS agent, r.planner, f.settings, r.model,
-       printf('%.0f ± %.0f', avg(e.episode_return),
-              sqrt(max(0, avg(e.episode_return * e.episode_return)
-                          - avg(e.episode_return) * avg(e.episode_return))
-                   / nullif(count(*) - 1, 0))) AS "return",
+       printf('%.0f ± %.0f', avg(e.episode_return), standard_error(e.episode_return)) AS "return",
        round(sum(e.plan_us_mean * e.length) / sum(e.length) / 1000, 2) AS "ms/decision",
        round(1.0 * sum(e.model_transitions) * r.action_repeat / sum(e.length))
          AS "transitions/decision"

@@ -11,6 +11,7 @@
 #include "results/analysis/published.h"
 #include "results/database/schema.h"
 #include "results/system/error.h"
+#include "results/text/names.h"
 #include "results/upkeep/same_run.h"
 
 namespace dreamsearch::results {
@@ -92,16 +93,26 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
     models.insert(run.model);
   }
   std::set<std::string> said;  // of planners without a run on a task
+  struct Gap {
+    Line* line;
+    std::string where;  // task and planner
+    std::vector<std::string> seeds;
+  };
+  std::vector<Gap> gaps;  // in the order of their first seeds
   for (const MissingRun& run : MissingRuns(databases, filter)) {
     if (!run.config_sha256.empty()) {
-      const auto line = own.find(
+      const auto found = own.find(
           {run.study, run.task, run.planner, run.model, run.config_sha256, 0, run.action_repeat});
-      const std::string seed = "seed " + std::to_string(run.seed) + " is missing.";
-      Line& place = line == own.end() ? lines->front() : (*lines)[line->second];
-      const bool one = line != own.end() && in_versions.count(line->first) == 0;
-      const std::string label =
-          one ? place.label : run.planner + (run.settings.empty() ? "" : " ") + run.settings;
-      place.missing.push_back(run.task + ", " + label + ": " + seed);
+      Line* line = found == own.end() ? &lines->front() : &(*lines)[found->second];
+      const bool one = found != own.end() && in_versions.count(found->first) == 0;
+      const std::string where =
+          run.task + ", " +
+          (one ? line->label : run.planner + (run.settings.empty() ? "" : " ") + run.settings);
+      auto gap = std::find_if(gaps.begin(), gaps.end(), [&](const Gap& other) {
+        return other.line == line && other.where == where;
+      });
+      if (gap == gaps.end()) gap = gaps.insert(gap, {line, where, {}});
+      gap->seeds.push_back(std::to_string(run.seed));
       continue;
     }
     std::string label = run.planner;
@@ -111,6 +122,11 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
     if (!said.insert(sentence).second) continue;
     const auto line = planners.find({run.study, run.planner, run.model});
     (*lines)[line == planners.end() ? 0 : line->second].missing.push_back(sentence);
+  }
+  for (const Gap& gap : gaps) {
+    gap.line->missing.push_back(gap.where + (gap.seeds.size() == 1 ? ": seed " : ": seeds ") +
+                                JoinNames(gap.seeds) +
+                                (gap.seeds.size() == 1 ? " is missing." : " are missing."));
   }
 }
 

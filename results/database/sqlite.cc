@@ -74,6 +74,29 @@ void CallTextFunction(sqlite3_context* context, int, sqlite3_value** values) noe
   }
 }
 
+// The numbers of a group so far: their mean and the sum of squares around it (Welford 1962).
+struct Group {
+  std::int64_t n;
+  double mean, squares;
+};
+
+void AddToGroup(sqlite3_context* context, int, sqlite3_value** values) {
+  if (sqlite3_value_type(values[0]) == SQLITE_NULL) return;
+  auto* group = static_cast<Group*>(sqlite3_aggregate_context(context, sizeof(Group)));
+  if (group == nullptr) return sqlite3_result_error_nomem(context);
+  const double x = sqlite3_value_double(values[0]);
+  const double before = x - group->mean;
+  group->mean += before / static_cast<double>(++group->n);
+  group->squares += before * (x - group->mean);
+}
+
+void StandardErrorOfGroup(sqlite3_context* context) {
+  const auto* group = static_cast<const Group*>(sqlite3_aggregate_context(context, 0));
+  if (group == nullptr || group->n < 2) return;  // NULL
+  const auto n = static_cast<double>(group->n);
+  sqlite3_result_double(context, std::sqrt(group->squares / (n * (n - 1))));
+}
+
 // After a lock that was not to be had: throws if there are none.
 void CheckLocksExist(const std::string& path, const std::string& where) {
   const std::string why = WhyNoLocks(path);
@@ -269,6 +292,11 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   WaitForLocks([](double seconds) { return seconds < kLockPatienceSeconds; });
   sqlite3_busy_handler(handle_, OnLocked, this);
   AddFunction("sha256", [](const std::string& text) { return Sha256Hex(text); });
+  if (sqlite3_create_function_v2(handle_, "standard_error", 1,
+                                 SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS, nullptr,
+                                 nullptr, AddToGroup, StandardErrorOfGroup, nullptr) != SQLITE_OK) {
+    ThrowSqlite(handle_, path_, "adding the function standard_error");
+  }
 }
 
 Connection::~Connection() { sqlite3_close_v2(handle_); }

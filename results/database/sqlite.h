@@ -113,8 +113,9 @@ class Connection {
   std::int64_t Changes() const;  // rows of the last statement, triggers not counted
 
   // Gives SQL a function of one text, NULL of NULL, in place of an older one of that name. It
-  // depends on the text alone; what it throws is the statement's error. `sha256`, in hexadecimal,
-  // is always there.
+  // depends on the text alone; what it throws is the statement's error. Always there: `sha256`, in
+  // hexadecimal, and the aggregate `standard_error` of the mean of a group's numbers, NULL if there
+  // are fewer than two.
   using TextFunction = std::function<std::string(const std::string& text)>;
   void AddFunction(const std::string& name, TextFunction function);
 

@@ -20,7 +20,8 @@ struct Sql {
             .examples = {"results sql \"SELECT task, planner, count(*) FROM v_run GROUP BY 1, 2\""},
             .about =
                 "The query can change nothing. results/README.md explains the tables and "
-                "views; without a query the command lists them.",
+                "views; without a query the command lists them. Beside SQLite's functions "
+                "there is standard_error(x), of the mean of a group.",
             .arguments = {{"", "QUERY", Text(&query), "one SELECT"}},
             .groups = {{"Where", {DatabaseFlag(&db)}},
                        {"How",

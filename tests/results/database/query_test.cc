@@ -55,6 +55,14 @@ TEST_F(QueryTest, AFunctionOfOursGivesTextAndItsFailureIsTheQuerys) {
   }
 }
 
+TEST_F(QueryTest, HasTheStandardErrorOfAMean) {
+  // 1, 2, 3, 4: variance 5 / 3, of the mean 5 / 12. Far from 0 no digits are lost.
+  EXPECT_EQ(Csv("WITH g(k, x) AS (VALUES (1, 1), (1, 2), (1, NULL), (1, 3), (1, 4), (2, 7),"
+                " (3, 1e9 + 1), (3, 1e9 + 3), (4, NULL))"
+                " SELECT k, round(standard_error(x), 6) AS error FROM g GROUP BY k"),
+            "k,error\n1,0.645497\n2,\n3,1\n4,\n");
+}
+
 TEST_F(QueryTest, ChangesNothing) {
   for (const char* sql :
        {"DELETE FROM run", "UPDATE run SET seed = 9", "INSERT INTO study (name) VALUES ('x')",

@@ -191,6 +191,9 @@ TEST_F(MissingTest, WhatAnotherDatabaseHasIsNotMissing) {
   EXPECT_EQ(OfFunction(), (std::vector<std::string>{"walker_walk|rollout|1"}));
   EXPECT_EQ(MissingOrUnfinished(ReadLines(databases_, {})),
             (std::vector<std::string>{"walker_walk, rollout: seed 1 is missing."}));
+  AddTo(1, {.seed = 2}, {{kSearch, 0, 1}});
+  EXPECT_EQ(MissingOrUnfinished(ReadLines(databases_, {})),
+            (std::vector<std::string>{"walker_walk, rollout: seeds 1, 2 are missing."}));
 }
 
 TEST_F(MissingTest, AStudyWithoutRunsLacksNothing) {
