@@ -2,8 +2,8 @@
 # Does a search rank its actions rightly, and from when on? Trains an agent under `mcts_pw`, stops at
 # several budgets, and lets the simulator judge each search's ranking of the actions at its root
 # (`runner eval --rank-every`): rank correlation, share of the visits that the first action has, and
-# how much of the return the played action misses. Prints a table. Given again it goes on where it
-# stopped.
+# how much of the return the played action misses; as the paper has it, and with each remedy and all
+# of them. Prints a table. Given again it goes on where it stopped.
 #   experiments/root_ranking.sh [DATABASE]
 # DATABASE: results/root_ranking.db; TASK names another than walker_walk, BUDGETS others than 6000
 # 10000 20000 40000 environment steps.
@@ -29,6 +29,10 @@ for budget in ${BUDGETS:-6000 10000 20000 40000}; do
   }
   play --planner dreamer,rollout,mcts_pw,mcts_fixed,mcts_gumbel
   play --planner mcts_pw --set mcts_pw.equal_depth=10
+  play --planner mcts_pw --set mcts_pw.root_actions=20
+  play --planner mcts_pw --set mcts_pw.root_uniform=0.33
+  play --planner mcts_pw --set mcts_pw.equal_depth=10 --set mcts_pw.root_actions=20 \
+    --set mcts_pw.root_uniform=0.33
 done
 
 "$bin/results" sql --db "$db" --format markdown \

@@ -1,6 +1,8 @@
 /* The table of root_ranking.sh: a row a budget of the training and a search. */
 SELECT trained.env_steps_done AS "trained for", r.planner,
-       json_extract(c.json, '$.planner.parameters.equal_depth') AS equal_depth,
+       (SELECT group_concat(key || ' ' || value, ', ')
+        FROM json_each(c.json, '$.planner.parameters')
+        WHERE key IN ('equal_depth', 'root_actions', 'root_uniform') AND value > 0) AS settings,
        (SELECT printf('%.0f', avg(episode_return)) FROM episode e WHERE e.run_id = r.run_id)
          AS "return",
        round(max(iif(m.name = 'ranking.correlation', s.value, NULL)), 2) AS "rank correlation",
@@ -20,4 +22,4 @@ LEFT JOIN metric m USING (metric_id)
 WHERE t.name = :task AND r.status = 'finished'
       AND (r.planner = 'dreamer' OR json_extract(c.json, '$.evaluation.ranks.every') > 0)
 GROUP BY r.run_id
-ORDER BY trained.env_steps_done, r.planner, equal_depth;
+ORDER BY trained.env_steps_done, r.planner, settings;

@@ -29,6 +29,7 @@ struct PwSettings : MctsSettings {
   double widening_constant;
   double widening_exponent;
   SearchTree::Index samples_ahead;
+  SearchTree::Index root_actions;
 };
 constexpr auto kPwSettings = BindSettings<PwSettings>(
     kSimulationsParameter,
@@ -42,9 +43,13 @@ constexpr auto kPwSettings = BindSettings<PwSettings>(
         "samples_ahead", 4, 1, 1000, "actions",
         "Actions sampled together when a node widens; those not needed yet wait for its "
         "next widenings. Changes the cost, not the distribution.")),
-    kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter, kEqualDepthParameter,
-    kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter, kValueBonusParameter,
-    kValueInEvaluationParameter, kReuseParameter);
+    Bind<&PwSettings::root_actions>(IntParameter(
+        "root_actions", 0, 0, 10000, "actions",
+        "Actions of the root, all sampled before the first simulation, where other nodes widen; "
+        "0: the root widens too (Koul et al. 2020).")),
+    kRootUniformParameter, kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter,
+    kEqualDepthParameter, kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter,
+    kValueBonusParameter, kValueInEvaluationParameter, kReuseParameter);
 
 struct FixedSettings : MctsSettings {
   SearchTree::Index children;
@@ -54,9 +59,9 @@ constexpr auto kFixedSettings = BindSettings<FixedSettings>(
     Bind<&FixedSettings::children>(
         IntParameter("children", 20, 1, 10000, "actions",
                      "Actions sampled from the actor at each node (Koul et al. 2020).")),
-    kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter, kEqualDepthParameter,
-    kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter, kValueBonusParameter,
-    kValueInEvaluationParameter, kReuseParameter);
+    kRootUniformParameter, kC1Parameter, kC2Parameter, kPuctScaleParameter, kFirstPlayParameter,
+    kEqualDepthParameter, kEdgeRewardParameter, kNoiseParameter, kLeafBatchParameter,
+    kValueBonusParameter, kValueInEvaluationParameter, kReuseParameter);
 
 // Selection by
 //
@@ -123,8 +128,9 @@ class MctsPw final : public Mcts {
 
  private:
   MctsPw(const PlannerContext& context, const PwSettings& settings)
-      : Mcts(context, settings, settings.simulations),
+      : Mcts(context, settings, settings.simulations + settings.root_actions),
         samples_ahead_(settings.samples_ahead),
+        root_actions_(settings.root_actions),
         action_size_(context.action_size),
         waiting_((simulations() + 1) * samples_ahead_ * action_size_),
         waiting_count_(simulations() + 1) {
@@ -144,6 +150,15 @@ class MctsPw final : public Mcts {
 
   Status ChooseEdge(Index node, Index* edge) noexcept override {
     const Index children = tree_.child_count(node);
+    if (node == SearchTree::kRoot && root_actions_ > 0) {
+      if (children < root_actions_) {  // some are there in a kept tree
+        Index first = 0;
+        Status status = AddSampledEdges(node, root_actions_ - children, &first);
+        if (!status.ok()) return status;
+      }
+      *edge = BestChild(node);
+      return OkStatus();
+    }
     if (children == 0 || children < widen_below_[tree_.visits(node) + tree_.in_flight(node)]) {
       return Widen(node, edge);
     }
@@ -167,7 +182,7 @@ class MctsPw final : public Mcts {
     return OkStatus();
   }
 
-  const Index samples_ahead_;
+  const Index samples_ahead_, root_actions_;
   const std::uint64_t action_size_;
   std::vector<double> widen_below_;   // by n: C n^alpha
   std::vector<double> waiting_;       // [nodes, samples_ahead, A]

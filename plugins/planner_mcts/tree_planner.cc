@@ -13,7 +13,8 @@ enum Stream : std::uint64_t {
   kImagine = 3,
   kPlayedNoise = 4,
   kSearch = 5,
-  kRollout = 6
+  kRollout = 6,
+  kRootUniform = 7
 };
 
 }  // namespace
@@ -290,6 +291,13 @@ Status TreePlanner::SampleActions(Index node, std::uint64_t stream,
   if (status.ok() && explore_) {
     AddExplorationNoise(settings_.noise_std, DeriveSeed(DeriveSeed(seed_, kCandidateNoise), stream),
                         actions);
+  }
+  if (status.ok() && node == SearchTree::kRoot && settings_.root_uniform > 0) {
+    Random random(DeriveSeed(DeriveSeed(seed_, kRootUniform), stream));
+    for (std::uint64_t i = 0; i < actions.rows; ++i) {
+      if (random.Uniform(0, 1) >= settings_.root_uniform) continue;
+      for (double& component : actions.row(i)) component = random.Uniform(-1, 1);
+    }
   }
   return status;
 }

@@ -25,7 +25,8 @@ struct TreeSettings : ValueUse {
   SearchTree::Index equal_depth;
   double noise_std;
   bool edge_reward;
-  bool reuse_tree;  // false where it is not declared
+  bool reuse_tree;      // false where it is not declared
+  double root_uniform;  // 0 where it is not declared
 };
 inline constexpr auto kSimulationsParameter = Bind<&TreeSettings::simulations>(IntParameter(
     "simulations", 50, 1, 1000000, "simulations", "Simulations a decision (Koul et al. 2020)."));
@@ -46,6 +47,10 @@ inline constexpr auto kEqualDepthParameter = Bind<&TreeSettings::equal_depth>(In
     "Carry each leaf on by the actor's mode to this depth below the root before its "
     "value is asked, so that all returns look equally far ahead, as those of `rollout` "
     "do; 0: its value at once (Koul et al. 2020)."));
+inline constexpr auto kRootUniformParameter = Bind<&TreeSettings::root_uniform>(RealParameter(
+    "root_uniform", 0, 0, 1, "",
+    "Share of the root's actions that are drawn uniformly from [-1, 1]^A and not from the actor, "
+    "as a third of those of `rollout` are; 0: none (Koul et al. 2020)."));
 inline constexpr auto kEdgeRewardParameter = Bind<&TreeSettings::edge_reward>(
     BoolParameter("edge_reward", true,
                   "Count an edge's own reward in its Q; false is the equation as printed in the "
@@ -102,8 +107,8 @@ class TreePlanner : public Offers<Planner, TreeReporting, PolicyReporting> {
     return tree_.edge_visits(edge);
   }
 
-  // Samples actions from the actor at `node`, noisy while exploring. The draws follow
-  // from the decision's seed and `stream`.
+  // Samples actions from the actor at `node`, noisy while exploring, and at the root a share of
+  // them from all actions. The draws follow from the decision's seed and `stream`.
   Status SampleActions(Index node, std::uint64_t stream, MatrixView<double> actions) noexcept;
   // Adds `count` children to `node` with sampled actions.
   Status AddSampledEdges(Index node, Index count, Index* first) noexcept;

@@ -241,6 +241,67 @@ TEST(MctsPw, ConstantAndExponentWidenTheRoot) {
   EXPECT_EQ(root_children(1, 1), 99u);
 }
 
+// Actions of an actor that always proposes 2 (no action: uniform ones are told apart by it).
+ScriptedModel ProposesTwo() {
+  ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
+  model.sample = [](const ScriptedState&, Random&, View<double> action) { action[0] = 2; };
+  return model;
+}
+
+TEST(MctsPw, TheRootsActionsCanAllBeThereFromTheStart) {
+  for (const int batch : {1, 4}) {
+    ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
+    LoadedPlanner planner("mcts_pw", &model,
+                          {{"simulations", 50}, {"root_actions", 20}, {"leaf_batch", batch}});
+    const Decision decision = planner.Plan(AsLatents(kRoot));
+    ASSERT_TRUE(decision.status.ok()) << decision.status.message;
+    EXPECT_EQ(Children(decision.tree, -1).size(), 20u);
+    EXPECT_EQ(VisitsBelow(decision.tree, -1), 50u);
+    for (std::int64_t node = 0; node < static_cast<std::int64_t>(decision.tree.size()); ++node) {
+      const double n = static_cast<double>(VisitsBelow(decision.tree, node));
+      if (n == 0) continue;
+      EXPECT_LE(static_cast<double>(Children(decision.tree, node).size()), std::ceil(std::sqrt(n)));
+    }
+  }
+}
+
+TEST(Mcts, AShareOfTheRootsActionsIsUniform) {
+  std::size_t uniform = 0, all = 0;
+  std::vector<double> drawn;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    ScriptedModel model = ProposesTwo();
+    LoadedPlanner planner("mcts_fixed", &model,
+                          {{"simulations", 30}, {"children", 25}, {"root_uniform", 0.25}});
+    const Decision decision = planner.Plan(AsLatents(kRoot), {.seed = seed});
+    for (const Edge& edge : decision.tree) {
+      if (edge.parent >= 0) {
+        EXPECT_EQ(edge.a[0], 2) << "below the root the actor is asked";
+        continue;
+      }
+      ++all;
+      if (edge.a[0] == 2) continue;
+      ++uniform;
+      drawn.push_back(edge.a[0]);
+    }
+  }
+  ASSERT_EQ(all, 1000u);
+  EXPECT_NEAR(static_cast<double>(uniform), 250, 55) << "four deviations of 13.7";
+  std::sort(drawn.begin(), drawn.end());
+  for (std::size_t i = 0; i < drawn.size(); ++i) {  // Kolmogorov and Smirnov, one in 100,000
+    const double expected = -1 + 2 * (static_cast<double>(i) + 0.5) / static_cast<double>(uniform);
+    EXPECT_NEAR(drawn[i], expected, 2 * 2.5 / std::sqrt(static_cast<double>(uniform)));
+  }
+  for (const auto& [share, expected] : {std::pair(0.0, 0u), std::pair(1.0, 7u)}) {
+    ScriptedModel model = ProposesTwo();
+    LoadedPlanner planner("mcts_pw", &model, {{"simulations", 40}, {"root_uniform", share}});
+    std::size_t found = 0;
+    for (const Edge& edge : Children(planner.Plan(AsLatents(kRoot)).tree, -1)) {
+      found += edge.a[0] != 2;
+    }
+    EXPECT_EQ(found, expected) << share;
+  }
+}
+
 // Powers of two scale without rounding, so every comparison must come out equal.
 TEST(Mcts, MinMaxNormalisationMakesTheScaleOfRewardsIrrelevant) {
   for (const char* name : {"mcts_pw", "mcts_fixed"}) {
@@ -520,12 +581,21 @@ TEST(TreeReuse, StartsAnewAfterNoiseOrAtAnEpisodesStart) {
 
 TEST(TreeReuse, NeverOutgrowsTheTree) {
   ScriptedModel model = Bandit([](double a) { return a; }, 0.9);
-  for (const char* name : {"mcts_pw", "mcts_fixed"}) {
-    LoadedPlanner planner(name, &model, {{"reuse_tree", 1.0}, {"puct_scale", 0.0}});
+  struct Case {
+    const char *name, *root_option;
+    double root;
+    std::size_t most_edges;
+  };
+  for (const Case& c :
+       {Case{"mcts_pw", "root_actions", 0, 50}, Case{"mcts_pw", "root_actions", 30, 80},
+        Case{"mcts_fixed", "root_uniform", 0, 1000}}) {
+    LoadedPlanner planner(c.name, &model,
+                          {{"reuse_tree", 1.0}, {"puct_scale", 0.0}, {c.root_option, c.root}});
     for (std::uint64_t seed = 0; seed < 200; ++seed) {
       const Decision decision = planner.Plan(AsLatents(kRoot), {.seed = seed});
       ASSERT_TRUE(decision.status.ok());
       ASSERT_LE(decision.result.nodes, 51u);
+      ASSERT_LE(decision.tree.size(), c.most_edges);
       ASSERT_GE(decision.result.simulations, 1u);
     }
   }
