@@ -52,12 +52,7 @@ constexpr auto kSettings = BindSettings<Settings>(
             "Encode and predict observations standardised by the running mean and variance "
             "of the training batches. [SimbaV2; Welford 1962]")
             .Preset("paper", false)),
-    Bind<&Settings::observation_floor>(
-        RealParameter("observation_floor", 0.01, 1e-8, 1e3, "",
-                      "Least deviation that an observation is divided by. [ours]")),
-    Bind<&Settings::observation_clip>(
-        RealParameter("observation_clip", 10, 1, 1e6, "deviations",
-                      "Standardised observations are clipped to plus and minus this. [ours]")),
+    kObservationFloorParameter, kObservationClipParameter,
     Bind<&Settings::observation_weight>(
         RealParameter("observation_weight", 5, 0, 1e4, "",
                       "Factor of the observation loss; a component of smaller variance than "
@@ -167,9 +162,7 @@ constexpr auto kSettings = BindSettings<Settings>(
     Bind<&Settings::slow_critic_rate>(
         RealParameter("slow_critic_rate", 0.02, 0, 1, "",
                       "How far the slow copy follows the value at each update. [v3]")),
-    Bind<&Settings::search_policy_weight>(
-        RealParameter("search_policy_weight", 0.1, 0, 1e3, "",
-                      "Factor of the actor's imitation of searches (run.search_targets). [ours]")),
+    kSearchPolicyWeightParameter,
     Bind<&Settings::search_value_weight>(RealParameter(
         "search_value_weight", 0.25, 0, 1, "",
         "Share of a search's value in the critic's target of the state searched. [ours]")),
@@ -194,12 +187,7 @@ constexpr auto kSettings = BindSettings<Settings>(
         RealParameter("gradient_clip", 100, 1e-6, 1e9, "",
                       "Largest norm of a group's gradient; longer ones are shortened. [dreamer]")),
 
-    Bind<&Settings::bfloat16>(
-        ChoiceParameter("precision", "bfloat16", "float,bfloat16",
-                        "Factors of the training's matrix products: float, or rounded to bfloat16 "
-                        "where the processor multiplies it (AVX-512 BF16, AMX), with float weights "
-                        "and sums. [ours]")
-            .Preset("paper", "float")),
+    Bind<&Settings::bfloat16>(PrecisionParameter("bfloat16").Preset("paper", "float")),
     Bind<&Settings::bfloat16_planning>(ChoiceParameter(
         "planning_precision", "float", "float,bfloat16",
         "Factors of the matrix products of what planners ask: transitions, rewards, values, "

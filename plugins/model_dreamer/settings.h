@@ -8,13 +8,14 @@
 #include "dreamsearch/settings.h"
 #include "plugins/networks/matrix.h"
 #include "plugins/networks/presets.h"
+#include "plugins/networks/shared_settings.h"
 
 namespace dreamsearch::dreamer {
 
 // The model is written in terms of what learned models share.
 using namespace networks;  // NOLINT(google-build-using-namespace)
 
-struct Settings {
+struct Settings : SharedSettings {
   // Sizes.
   Index deterministic{};  // D
   Index stochastic{};     // Z
@@ -30,8 +31,6 @@ struct Settings {
 
   // World model.
   bool normalise_observations{};
-  double observation_floor{};
-  double observation_clip{};
   double observation_weight{};
   double reward_weight{};
   double kl_scale{};
@@ -60,7 +59,6 @@ struct Settings {
   bool least_of_critics{};
   double slow_critic_weight{};
   double slow_critic_rate{};
-  double search_policy_weight{};
   double search_value_weight{};
 
   // Optimiser.
@@ -71,7 +69,6 @@ struct Settings {
   double adam_beta2{};
   double adam_epsilon{};
   double gradient_clip{};
-  bool bfloat16{};
   bool bfloat16_planning{};
 
   // What planners see.

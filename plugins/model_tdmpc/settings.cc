@@ -45,12 +45,7 @@ constexpr auto kSettings = BindSettings<Settings>(
                       "Encode observations standardised by the running mean and variance of the "
                       "training batches. [SimbaV2]")
             .Preset("paper", false)),
-    Bind<&Settings::observation_floor>(
-        RealParameter("observation_floor", 0.01, 1e-8, 1e3, "",
-                      "Least deviation that an observation is divided by. [ours]")),
-    Bind<&Settings::observation_clip>(
-        RealParameter("observation_clip", 10, 1, 1e6, "deviations",
-                      "Standardised observations are clipped to plus and minus this. [ours]")),
+    kObservationFloorParameter, kObservationClipParameter,
     Bind<&Settings::rho>(RealParameter(
         "rho", 0.5, 0, 1, "",
         "Weight of a step's losses relative to those of the step before it. [paper]")),
@@ -93,9 +88,7 @@ constexpr auto kSettings = BindSettings<Settings>(
         RealParameter("return_scale_rate", 0.01, 1e-4, 1, "",
                       "Rate of the moving average of the values' 5 to 95 percent range, which the "
                       "actor's values are divided by. [paper]")),
-    Bind<&Settings::search_policy_weight>(
-        RealParameter("search_policy_weight", 0.1, 0, 1e3, "",
-                      "Factor of the actor's imitation of searches (run.search_targets). [ours]")),
+    kSearchPolicyWeightParameter,
     Bind<&Settings::search_value_weight>(RealParameter(
         "search_value_weight", 0, 0, 1, "",
         "Share of a search's value in the critic's target of the state searched. [ours]")),
@@ -116,11 +109,7 @@ constexpr auto kSettings = BindSettings<Settings>(
         RealParameter("gradient_clip", 20, 1e-6, 1e9, "",
                       "Largest norm of the actor's gradient, and of that of all others together. "
                       "[paper]")),
-    Bind<&Settings::bfloat16>(
-        ChoiceParameter("precision", "float", "float,bfloat16",
-                        "Factors of the training's matrix products: float, or rounded to bfloat16 "
-                        "where the processor multiplies it (AVX-512 BF16, AMX), with float weights "
-                        "and sums. [ours]")),
+    Bind<&Settings::bfloat16>(PrecisionParameter("float")),
     Bind<&Settings::bfloat16_planning>(ChoiceParameter(
         "planning_precision", "float", "float,bfloat16",
         "Factors of the matrix products of what planners ask: transitions, rewards, values, "

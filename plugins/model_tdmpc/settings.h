@@ -8,13 +8,14 @@
 #include "dreamsearch/settings.h"
 #include "plugins/networks/categorical.h"
 #include "plugins/networks/presets.h"
+#include "plugins/networks/shared_settings.h"
 
 namespace dreamsearch::tdmpc {
 
 // The model is written in terms of what learned models share.
 using namespace networks;  // NOLINT(google-build-using-namespace)
 
-struct Settings {
+struct Settings : SharedSettings {
   // Sizes.
   Index simplices{};
   Index latent{};  // L: kSimplex for each simplex
@@ -29,8 +30,6 @@ struct Settings {
 
   // Losses.
   bool normalise_observations{};
-  double observation_floor{};
-  double observation_clip{};
   double rho{};
   double consistency_weight{};
   double reward_weight{};
@@ -44,7 +43,6 @@ struct Settings {
   double max_log_std{};
   double entropy_scale{};
   double return_scale_rate{};
-  double search_policy_weight{};
   double search_value_weight{};
 
   // Optimiser.
@@ -54,7 +52,6 @@ struct Settings {
   double adam_epsilon{};
   double actor_adam_epsilon{};
   double gradient_clip{};
-  bool bfloat16{};
   bool bfloat16_planning{};
 };
 
