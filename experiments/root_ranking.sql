@@ -3,8 +3,8 @@ SELECT trained.env_steps_done AS "trained for", r.planner,
        (SELECT group_concat(key || ' ' || value, ', ')
         FROM json_each(c.json, '$.planner.parameters')
         WHERE key IN ('equal_depth', 'root_actions', 'root_uniform') AND value > 0) AS settings,
-       (SELECT printf('%.0f', avg(episode_return)) FROM episode e WHERE e.run_id = r.run_id)
-         AS "return",
+       (SELECT printf('%.0f ± %.0f', avg(episode_return), standard_error(episode_return))
+        FROM episode e WHERE e.run_id = r.run_id) AS "return",
        round(max(iif(m.name = 'ranking.correlation', s.value, NULL)), 2) AS "rank correlation",
        round(max(iif(m.name = 'ranking.first_visits', s.value, NULL)), 2) AS "first visits",
        round(max(iif(m.name LIKE '%.root_visit_entropy', s.value, NULL)), 2) AS "visit entropy",
