@@ -52,6 +52,7 @@ class Agent {
     Environment* environment = nullptr;  // whose state is given to a model that needs one
     bool model_needs_environment = false;
     std::uint64_t run_seed = 0;
+    std::uint64_t exploration_hold = 1;  // run.exploration_hold
     // Seconds. For an agent that decides beside others its share of their time.
     std::function<double()> clock = ActivityClock::Now;
 

@@ -6,6 +6,8 @@
 // Hafner et al. 2020.
 #pragma once
 
+#include <string_view>
+
 #include "dreamsearch/parameter.h"
 #include "dreamsearch/view.h"
 
@@ -27,6 +29,13 @@ inline constexpr ParameterSpec kRunParameters[] = {
                  "episode; they count in the budget. [dreamer, paper: 5000]")
         .Preset("fast", 5000)
         .Preset("paper", 5000),
+    IntParameter("exploration_hold", 1, 1, 10000, "decisions",
+                 "For how many decisions, on average, the same random numbers choose the actions "
+                 "of training: those of the prefill, and the samples and noise of the planner. "
+                 "White noise does not swing a pole up; held noise leans one way for a while. "
+                 "[Eberhard et al. 2023 colour it; dreamer, paper: 1]")
+        .Preset("fast", 1)
+        .Preset("paper", 1),
     IntParameter("pretrain_updates", 100, 0, 1000000, "updates",
                  "Updates before the first training episode. [dreamer: 100]")
         .Preset("fast", 100)
@@ -88,6 +97,13 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("fast", 0)
         .Preset("paper", 0),
 };
+
+// Those that came when there were databases already. Their default is how runs were made before: a
+// run that was recorded without them has it, and it is not written in configurations, so that the
+// same command still finds its runs.
+constexpr bool IsLaterRunParameter(std::string_view name) noexcept {
+  return name == "exploration_hold";
+}
 
 inline constexpr View<const ParameterSpec> RunParameters() noexcept {
   return {kRunParameters, sizeof kRunParameters / sizeof kRunParameters[0]};

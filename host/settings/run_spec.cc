@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "host/settings/run_parameters.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 #include "results/text/json_fields.h"
@@ -248,6 +249,18 @@ Json CanonicalValues(const ResolvedValues& resolved) {
   return json;
 }
 
+Json CanonicalRun(const ResolvedValues& run) {
+  Json values = CanonicalValues(run);
+  for (const ParameterSpec& parameter : RunParameters()) {
+    if (!IsLaterRunParameter(parameter.name)) continue;
+    const ResolvedValue* value = run.Find(parameter.name);
+    if (value != nullptr && value->number == parameter.default_number) {
+      values.erase(parameter.name);
+    }
+  }
+  return values;
+}
+
 Json CanonicalComponent(const ResolvedComponent& component) {
   Json values = CanonicalValues(component.parameters);
   for (const ParameterInfo& parameter : component.info->parameters) {
@@ -268,7 +281,7 @@ std::string CanonicalJson(const RunSpec& spec) {
                {"planner", CanonicalComponent(spec.planner)}};
   if (!spec.evaluation) {
     json["eval_planner"] = CanonicalComponent(spec.eval_planner);
-    json["run"] = CanonicalValues(spec.run);
+    json["run"] = CanonicalRun(spec.run);
     return results::JsonText(json);
   }
   json["run"] = {{"action_repeat", spec.run.Integer("action_repeat")},

@@ -21,6 +21,7 @@ enum class SeedUse : std::uint64_t {
   kReplay = 6,        // which sequences an update trains on
   kTrain = 7,         // the draws inside an update
   kReanalyse = 8,     // which states an update plans anew, and what that draws
+  kHold = 9,          // at which decisions exploration draws anew
 };
 
 enum class EpisodePurpose : std::uint64_t { kTraining = 0, kEvaluation = 1 };
@@ -33,6 +34,21 @@ constexpr std::uint64_t SeedFor(std::uint64_t run_seed, SeedUse use, EpisodePurp
   seed = DeriveSeed(seed, static_cast<std::uint64_t>(phase));
   seed = DeriveSeed(seed, episode);
   return DeriveSeed(seed, decision);
+}
+
+// The decision whose draws a decision of exploration has, itself or an earlier one of the episode:
+// each after the first draws anew with probability 1 / hold, so that the same draws serve `hold`
+// decisions on average.
+constexpr std::uint64_t HeldDecision(std::uint64_t run_seed, EpisodePurpose phase,
+                                     std::uint64_t episode, std::uint64_t decision,
+                                     std::uint64_t hold) noexcept {
+  if (hold <= 1) return decision;
+  const auto draws_anew = [&](std::uint64_t at) {
+    Random random(SeedFor(run_seed, SeedUse::kHold, phase, episode, at));
+    return random.Uniform() * static_cast<double>(hold) < 1;
+  };
+  while (decision > 0 && !draws_anew(decision)) --decision;
+  return decision;
 }
 
 }  // namespace dreamsearch

@@ -455,4 +455,11 @@ ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& 
   return now;
 }
 
+void AddLaterRunParameters(ResolvedValues* run) {
+  for (const ParameterSpec& spec : RunParameters()) {
+    if (!IsLaterRunParameter(spec.name) || run->Find(spec.name) != nullptr) continue;
+    run->values.push_back(PresetOrDefault(DescribeParameter(spec), ""));
+  }
+}
+
 }  // namespace dreamsearch

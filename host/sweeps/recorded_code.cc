@@ -7,6 +7,7 @@
 
 #include "host/plugins/catalogue.h"
 #include "host/settings/run_parameters.h"
+#include "host/settings/settings.h"
 #include "results/system/error.h"
 #include "results/system/sha256.h"
 #include "results/text/names.h"
@@ -118,6 +119,7 @@ void TrustRecordedCode(const TrustedCode& trusted, const std::string& who, RunSp
   for (const ParameterSpec& parameter : kRunParameters) {
     parameters.push_back(DescribeParameter(parameter));
   }
+  AddLaterRunParameters(&spec->run);
   CheckValues(spec->run, parameters, who + ": run.");
 }
 

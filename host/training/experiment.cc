@@ -48,6 +48,7 @@ Experiment::Experiment(const RunSpec& spec, const Options& options, results::Run
   parts.environment = environment_.get();
   parts.model_needs_environment = spec_.model.Has(kNeedsEnvironment);
   parts.run_seed = spec_.seed;
+  parts.exploration_hold = spec_.run.Integer("exploration_hold");
   parts.policy_actions = spec_.search_candidates();
   agent_ = std::make_unique<Agent>(parts);
 
@@ -164,8 +165,11 @@ void Experiment::MakeDecision() {
   const double begin = ActivityClock::Now();
   Decision decision;
   if (episode_.random != 0) {
-    Random random(SeedFor(SeedAt(at_.env_step), SeedUse::kRandomAction, EpisodePurpose::kTraining,
-                          at_.training_episodes, episode_.t));
+    const std::uint64_t seed = SeedAt(at_.env_step);
+    const std::uint64_t drawn = HeldDecision(seed, EpisodePurpose::kTraining, at_.training_episodes,
+                                             episode_.t, spec_.run.Integer("exploration_hold"));
+    Random random(SeedFor(seed, SeedUse::kRandomAction, EpisodePurpose::kTraining,
+                          at_.training_episodes, drawn));
     for (double& entry : action_) entry = random.Uniform(-1, 1);
   } else {
     const ActivityScope scope(&clock_, Activity::kPlanning);

@@ -333,6 +333,21 @@ TEST(CanonicalJson, ChangesWithEverySetting) {
   EXPECT_TRUE(digests.insert(ConfigurationSha256(Resolve(options))).second);
 }
 
+// A database from before a parameter was there: its runs have the default, and their configuration
+// is that of the same command today.
+TEST(CanonicalJson, ARunParameterThatCameLaterIsNotMissed) {
+  const RunSpec today = With({});
+  EXPECT_EQ(CanonicalJson(today).find("exploration_hold"), std::string::npos);
+  RunSpec recorded = today;
+  std::erase_if(recorded.run.values,
+                [](const ResolvedValue& value) { return value.name == "exploration_hold"; });
+  EXPECT_EQ(CanonicalJson(recorded), CanonicalJson(today));
+  AddLaterRunParameters(&recorded.run);
+  EXPECT_EQ(recorded.run.Integer("exploration_hold"), 1u);
+  EXPECT_EQ(recorded.run.values.size(), today.run.values.size());
+  EXPECT_NE(CanonicalJson(With({{"run.exploration_hold", "4"}})), CanonicalJson(today));
+}
+
 TEST(CanonicalJson, HasSortedKeysAndTypedValues) {
   const std::string text = CanonicalJson(With({}));
   EXPECT_NE(text.find(R"("planner":{"name":"mcts_pw","parameters":{"first_play":"zero",)"
