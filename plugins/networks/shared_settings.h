@@ -11,6 +11,8 @@ struct SharedSettings {
   double observation_clip{};
   double search_policy_weight{};
   bool bfloat16{};
+
+  bool operator==(const SharedSettings&) const = default;
 };
 
 inline constexpr auto kObservationFloorParameter = Bind<&SharedSettings::observation_floor>(
