@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "results/database/file_system.h"
+#include "results/statistics/statistics.h"
 #include "results/system/error.h"
 #include "results/system/file.h"
 #include "results/system/sha256.h"
@@ -74,27 +75,18 @@ void CallTextFunction(sqlite3_context* context, int, sqlite3_value** values) noe
   }
 }
 
-// The numbers of a group so far: their mean and the sum of squares around it (Welford 1962).
-struct Group {
-  std::int64_t n;
-  double mean, squares;
-};
-
-void AddToGroup(sqlite3_context* context, int, sqlite3_value** values) {
+// The aggregate standard_error; SQLite's memory for a group begins as zeros.
+void AddToSample(sqlite3_context* context, int, sqlite3_value** values) {
   if (sqlite3_value_type(values[0]) == SQLITE_NULL) return;
-  auto* group = static_cast<Group*>(sqlite3_aggregate_context(context, sizeof(Group)));
-  if (group == nullptr) return sqlite3_result_error_nomem(context);
-  const double x = sqlite3_value_double(values[0]);
-  const double before = x - group->mean;
-  group->mean += before / static_cast<double>(++group->n);
-  group->squares += before * (x - group->mean);
+  auto* sample = static_cast<Sample*>(sqlite3_aggregate_context(context, sizeof(Sample)));
+  if (sample == nullptr) return sqlite3_result_error_nomem(context);
+  sample->Add(sqlite3_value_double(values[0]));
 }
 
-void StandardErrorOfGroup(sqlite3_context* context) {
-  const auto* group = static_cast<const Group*>(sqlite3_aggregate_context(context, 0));
-  if (group == nullptr || group->n < 2) return;  // NULL
-  const auto n = static_cast<double>(group->n);
-  sqlite3_result_double(context, std::sqrt(group->squares / (n * (n - 1))));
+void EndSample(sqlite3_context* context) {
+  const auto* sample = static_cast<const Sample*>(sqlite3_aggregate_context(context, 0));
+  if (sample == nullptr) return;  // NULL
+  if (const auto error = sample->StandardError()) sqlite3_result_double(context, *error);
 }
 
 // After a lock that was not to be had: throws if there are none.
@@ -294,7 +286,7 @@ Connection::Connection(const std::string& path, OpenMode mode) : path_(AbsoluteP
   AddFunction("sha256", [](const std::string& text) { return Sha256Hex(text); });
   if (sqlite3_create_function_v2(handle_, "standard_error", 1,
                                  SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS, nullptr,
-                                 nullptr, AddToGroup, StandardErrorOfGroup, nullptr) != SQLITE_OK) {
+                                 nullptr, AddToSample, EndSample, nullptr) != SQLITE_OK) {
     ThrowSqlite(handle_, path_, "adding the function standard_error");
   }
 }

@@ -113,6 +113,18 @@ void DrawCounts(const Flat& flat, Generator* generator, std::vector<std::uint32_
 
 }  // namespace
 
+void Sample::Add(double x) {
+  const double distance = x - mean;
+  mean += distance / static_cast<double>(++n);
+  squares += distance * (x - mean);
+}
+
+std::optional<double> Sample::StandardError() const {
+  if (n < 2) return std::nullopt;
+  const auto count = static_cast<double>(n);
+  return std::sqrt(squares / (count * (count - 1)));
+}
+
 double Quantile(std::vector<double>* values, double q) {
   const double place = q * static_cast<double>(values->size() - 1);
   const auto below = static_cast<std::ptrdiff_t>(std::floor(place));

@@ -51,6 +51,18 @@ double Quantile(std::vector<double>* values, double q);
 // The q-quantile of Student's t, 0 < q < 1, at least one degree of freedom.
 double StudentQuantile(double q, int degrees_of_freedom);
 
+// Numbers as they come, by Welford (1962): no digits are lost however far from 0 they lie. All
+// zeros is an empty one.
+struct Sample {
+  std::int64_t n = 0;
+  double mean = 0;
+  double squares = 0;  // of the distances from the mean, summed
+
+  void Add(double x);
+  // Of the mean; nothing of fewer than two numbers.
+  std::optional<double> StandardError() const;
+};
+
 // Fewer runs of a task give no interval.
 inline constexpr int kIntervalRuns = 3;
 struct Interval {
