@@ -11,8 +11,8 @@ if [ $# -lt 1 ]; then
 fi
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 case ${2:-six} in
-  six) column=3 tasks="six tasks" ;;
-  twenty) column=4 tasks="twenty tasks" ;;
+  six) column=3 label=5 tasks="six tasks" ;;
+  twenty) column=4 label=6 tasks="twenty tasks" ;;
   *) echo "expected six or twenty, found '$2'" >&2; exit 2 ;;
 esac
 case $1 in
@@ -30,7 +30,7 @@ set title "After 100,000 environment steps: return against compute, $tasks"
 set xlabel "hours on one core (evaluation left out)"
 set ylabel "mean return"
 set logscale x
-set xrange [0.35:200]
+set xrange [0.25:200]
 set yrange [0:1000]
 set xtics (0.5, 1, 2, 5, 10, 20, 50, 100)
 set grid xtics ytics linecolor rgb "#e4e4e4" linetype 1
@@ -41,5 +41,5 @@ file = "<grep -v '^#' '$root/experiments/return_vs_compute.csv' | tail -n +2"
 ours(name) = substr(name, 1, 11) eq "dreamsearch"
 plot file using 2:(ours(strcol(1)) ? NaN : column($column)) with points pointtype 7 pointsize 1.6 linecolor rgb "#777777", \
      file using 2:(ours(strcol(1)) ? column($column) : NaN) with points pointtype 7 pointsize 2.2 linecolor rgb "#1f6fb2", \
-     file using 2:(column($column) + column(5)):1 with labels center textcolor rgb "#333333"
+     file using 2:(column($column) + column($label)):1 with labels center textcolor rgb "#333333"
 GNUPLOT
