@@ -130,9 +130,8 @@ Decision Agent::Decide(View<const double> observation, bool explore, std::uint64
   PlanRequest request;
   request.root = {Latent(current_), 1, latent_bytes_};
   request.explore = explore;
-  const std::uint64_t drawn =
-      explore ? HeldDecision(parts_.run_seed, phase_, episode_, decision_, parts_.exploration_hold)
-              : decision_;
+  const std::uint64_t drawn = HeldDecision(parts_.run_seed, phase_, episode_, decision_,
+                                           explore ? parts_.exploration_hold : 1);
   request.seed = SeedFor(parts_.run_seed, SeedUse::kPlan, phase_, episode_, drawn);
   request.decision = decision_;
   request.environment_step = environment_step;

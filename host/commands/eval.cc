@@ -14,6 +14,7 @@
 #include "host/sweeps/sweep.h"
 #include "host/sweeps/trained_run.h"
 #include "host/sweeps/working_database.h"
+#include "results/statistics/statistics.h"
 #include "results/system/error.h"
 #include "results/text/table.h"
 #include "results/text/text.h"
@@ -35,15 +36,6 @@ constexpr std::pair<const char*, const char*> kRankingColumns[] = {
     {"ranking.first_visits", "first visits"},
     {"ranking.regret", "regret"},
     {"ranking.spread", "spread"}};
-
-// Standard deviation of the mean, from the sample's.
-double StandardError(const std::vector<double>& values) {
-  const double mean = Mean(values);
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  const auto n = static_cast<double>(values.size());
-  return std::sqrt(squares / (n - 1) / n);
-}
 
 void PrintTable(results::Database* database, const std::vector<RunSpec>& specs, bool ranked) {
   std::vector<std::vector<std::string>> order;
@@ -83,7 +75,8 @@ void PrintTable(results::Database* database, const std::vector<RunSpec>& specs, 
     std::vector<results::Cell> row(key.begin(), key.end());
     row.push_back(std::to_string(n));
     row.push_back(n == 0 ? "-" : FormatNumber("%.1f", Mean(figures.returns)));
-    row.push_back(n < 2 ? "-" : FormatNumber("%.1f", StandardError(figures.returns)));
+    const std::optional<double> error = results::SampleOf(figures.returns).StandardError();
+    row.push_back(error ? FormatNumber("%.1f", *error) : "-");
     row.push_back(figures.decisions == 0
                       ? "-"
                       : FormatNumber("%.3f", figures.plan_us / figures.decisions / 1000));

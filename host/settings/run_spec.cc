@@ -249,14 +249,17 @@ Json CanonicalValues(const ResolvedValues& resolved) {
   return json;
 }
 
+// Takes a value that is the parameter's default out of `values`.
+template <typename Parameter>
+void EraseDefault(const ResolvedValues& resolved, const Parameter& parameter, Json* values) {
+  const ResolvedValue* value = resolved.Find(parameter.name);
+  if (value != nullptr && value->number == parameter.default_number) values->erase(parameter.name);
+}
+
 Json CanonicalRun(const ResolvedValues& run) {
   Json values = CanonicalValues(run);
   for (const ParameterSpec& parameter : RunParameters()) {
-    if (!IsLaterRunParameter(parameter.name)) continue;
-    const ResolvedValue* value = run.Find(parameter.name);
-    if (value != nullptr && value->number == parameter.default_number) {
-      values.erase(parameter.name);
-    }
+    if (IsLaterRunParameter(parameter.name)) EraseDefault(run, parameter, &values);
   }
   return values;
 }
@@ -264,9 +267,7 @@ Json CanonicalRun(const ResolvedValues& run) {
 Json CanonicalComponent(const ResolvedComponent& component) {
   Json values = CanonicalValues(component.parameters);
   for (const ParameterInfo& parameter : component.info->parameters) {
-    const ResolvedValue* value = component.parameters.Find(parameter.name);
-    const bool unchanged = value != nullptr && value->number == parameter.default_number;
-    if (parameter.variation && unchanged) values.erase(parameter.name);
+    if (parameter.variation) EraseDefault(component.parameters, parameter, &values);
   }
   return {{"name", component.name()}, {"parameters", values}};
 }

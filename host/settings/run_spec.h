@@ -190,7 +190,7 @@ std::string DigestFilesAnew(ResolvedValues* values);
 // episodes. Not in it: study, seed, preset's name, versions of components and
 // plugins, where a value came from, the content of files and ingredients (DigestsOf), a factor of
 // variation that has its default, nor a run parameter that came later (IsLaterRunParameter) and
-// has.
+// has its.
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 

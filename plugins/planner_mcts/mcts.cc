@@ -111,6 +111,17 @@ class Mcts : public TreePlanner {
     return best;
   }
 
+  // The same, after as many actions have been sampled as the node lacks of `count`.
+  Status BestOf(Index count, Index node, Index* edge) noexcept {
+    if (const Index children = tree_.child_count(node); children < count) {
+      Index first = 0;
+      Status status = AddSampledEdges(node, count - children, &first);
+      if (!status.ok()) return status;
+    }
+    *edge = BestChild(node);
+    return OkStatus();
+  }
+
   Index ChoosePlayed() noexcept override { return LargestQ(); }
 
  private:
@@ -149,16 +160,8 @@ class MctsPw final : public Mcts {
   }
 
   Status ChooseEdge(Index node, Index* edge) noexcept override {
+    if (node == SearchTree::kRoot && root_actions_ > 0) return BestOf(root_actions_, node, edge);
     const Index children = tree_.child_count(node);
-    if (node == SearchTree::kRoot && root_actions_ > 0) {
-      if (children < root_actions_) {  // some are there in a kept tree
-        Index first = 0;
-        Status status = AddSampledEdges(node, root_actions_ - children, &first);
-        if (!status.ok()) return status;
-      }
-      *edge = BestChild(node);
-      return OkStatus();
-    }
     if (children == 0 || children < widen_below_[tree_.visits(node) + tree_.in_flight(node)]) {
       return Widen(node, edge);
     }
@@ -203,12 +206,7 @@ class MctsFixed final : public Mcts {
         children_(settings.children) {}
 
   Status ChooseEdge(Index node, Index* edge) noexcept override {
-    if (tree_.child_count(node) == 0) {
-      Index first = 0;
-      if (Status status = AddSampledEdges(node, children_, &first); !status.ok()) return status;
-    }
-    *edge = BestChild(node);
-    return OkStatus();
+    return BestOf(children_, node, edge);
   }
 
   const Index children_;

@@ -124,9 +124,9 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
     (*lines)[line == planners.end() ? 0 : line->second].missing.push_back(sentence);
   }
   for (const Gap& gap : gaps) {
-    gap.line->missing.push_back(gap.where + (gap.seeds.size() == 1 ? ": seed " : ": seeds ") +
-                                JoinNames(gap.seeds) +
-                                (gap.seeds.size() == 1 ? " is missing." : " are missing."));
+    const bool one = gap.seeds.size() == 1;
+    gap.line->missing.push_back(gap.where + (one ? ": seed " : ": seeds ") + JoinNames(gap.seeds) +
+                                (one ? " is missing." : " are missing."));
   }
 }
 

@@ -1,7 +1,6 @@
 #include "results/analysis/line_statistics.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 
 #include "results/analysis/common_steps.h"
@@ -13,10 +12,8 @@ namespace {
 
 // 95 % confidence of the mean.
 Interval StudentInterval(const LinePoint& point) {
-  double squares = 0;
-  for (const double v : point.values) squares += (v - point.mean) * (v - point.mean);
   const double half =
-      StudentQuantile(0.975, point.n - 1) * std::sqrt(squares / (point.n - 1) / point.n);
+      StudentQuantile(0.975, point.n - 1) * SampleOf(point.values).StandardError().value();
   return {point.mean - half, point.mean + half};
 }
 

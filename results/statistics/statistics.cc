@@ -125,6 +125,12 @@ std::optional<double> Sample::StandardError() const {
   return std::sqrt(squares / (count * (count - 1)));
 }
 
+Sample SampleOf(const std::vector<double>& values) {
+  Sample sample;
+  for (const double value : values) sample.Add(value);
+  return sample;
+}
+
 double Quantile(std::vector<double>* values, double q) {
   const double place = q * static_cast<double>(values->size() - 1);
   const auto below = static_cast<std::ptrdiff_t>(std::floor(place));

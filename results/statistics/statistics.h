@@ -62,6 +62,7 @@ struct Sample {
   // Of the mean; nothing of fewer than two numbers.
   std::optional<double> StandardError() const;
 };
+Sample SampleOf(const std::vector<double>& values);
 
 // Fewer runs of a task give no interval.
 inline constexpr int kIntervalRuns = 3;

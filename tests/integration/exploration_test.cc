@@ -1,8 +1,6 @@
 // run.exploration_hold: how long the random numbers of exploration stay the same.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
 #include "tests/integration/program.h"
 
 namespace dreamsearch {
@@ -24,9 +22,7 @@ TEST(Exploration, DrawsAreHeldInTrainingAlone) {
   EXPECT_EQ(place.Value("one.db", evaluated), place.Value("five.db", evaluated));
   EXPECT_NE(place.Value("one.db", evaluated), "");
 
-  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
-    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
-  }
+  if (!HasNumPy()) GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
   for (const std::string db : {"one", "five"}) {
     const ProgramResult exported =
         place.Runner({"export", "1", "--db", db + ".db", "--episodes", db + ".npz"});
@@ -44,10 +40,7 @@ TEST(Exploration, DrawsAreHeldInTrainingAlone) {
       "assert again('one.npz') == (0, 0), again('one.npz')\n"
       "early, late = again('five.npz')\n"
       "assert abs(early - 0.8) < 0.08 and abs(late - 0.8) < 0.08, (early, late)\n";
-  EXPECT_EQ(
-      std::system(("cd '" + place.folder().string() + "' && /usr/bin/python3 -c \"" + script + "\"")
-                      .c_str()),
-      0);
+  EXPECT_EQ(place.Python(script), 0);
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 // away.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
 #include "tests/integration/program.h"
 
 namespace dreamsearch {
@@ -108,9 +106,7 @@ TEST_F(ExtendTest, AnInterruptedExtensionIsResumedByTheSameCommand) {
 }
 
 TEST_F(ExtendTest, NumPyReadsTheEpisodesAsTheyWereLived) {
-  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
-    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
-  }
+  if (!HasNumPy()) GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
   ASSERT_EQ(Run("1000", "x.db", "0", {"--keep-replay"}).exit_status, 0);
   const ProgramResult exported =
       place_.Runner({"export", "1", "--db", "x.db", "--episodes", "e.npz"});
@@ -137,10 +133,7 @@ TEST_F(ExtendTest, NumPyReadsTheEpisodesAsTheyWereLived) {
       "assert e['terminated'][last[:-1]].all() and e['terminated'].sum() == len(last) - 1\n"
       "assert not e['truncated'].any()\n"  // the last episode goes on
       "assert (e['observations'][1:, 1] - e['observations'][:-1, 1])[lived - 1].max() < 0.021\n";
-  EXPECT_EQ(std::system(
-                ("cd '" + place_.folder().string() + "' && /usr/bin/python3 -c \"" + script + "\"")
-                    .c_str()),
-            0);
+  EXPECT_EQ(place_.Python(script), 0);
 }
 
 }  // namespace

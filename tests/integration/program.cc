@@ -112,6 +112,14 @@ std::string Workplace::Value(const std::string& db, const std::string& sql) cons
   return rows.empty() ? "" : rows[0];
 }
 
+int Workplace::Python(const std::string& script) const {
+  const std::string command =
+      "cd '" + folder_.string() + "' && /usr/bin/python3 -c \"" + script + "\"";
+  return std::system(command.c_str());
+}
+
+bool HasNumPy() { return std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") == 0; }
+
 bool Workplace::WaitForStep(const std::string& db, int env_step, int seconds) const {
   for (int i = 0; i < 200 * seconds; ++i) {
     const std::string done = Value(db, "select max(env_step) from step");

@@ -38,6 +38,8 @@ class Workplace {
   // or the table is not there.
   std::vector<std::string> Query(const std::string& db, const std::string& sql) const;
   std::string Value(const std::string& db, const std::string& sql) const;
+  // Runs a script of the system's Python in the folder; its exit status. It has no double quotes.
+  int Python(const std::string& script) const;
   // Waits, for `seconds` at most, until a decision at `env_step` or later is recorded; whether one
   // is.
   bool WaitForStep(const std::string& db, int env_step, int seconds = 10) const;
@@ -45,6 +47,9 @@ class Workplace {
  private:
   std::filesystem::path folder_;
 };
+
+// Whether the system's Python has NumPy.
+bool HasNumPy();
 
 // Arguments of a run that takes about a second: real task, real model, tiny sizes.
 std::vector<std::string> TinyRun(const std::string& environment, const std::string& planner,

@@ -1,7 +1,6 @@
 // A world of the user's own, and a trained agent in a changed one.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <iterator>
@@ -104,9 +103,7 @@ TEST_F(WorldTest, ARunDoesNotResumeAfterAFileThatItsModelIncludesHasChanged) {
 }
 
 TEST_F(WorldTest, APythonWorldKeepsItsHabitsAndIsRefusedOnceItsModulesHaveChanged) {
-  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
-    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
-  }
+  if (!HasNumPy()) GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
   std::filesystem::copy(
       std::filesystem::path(DREAMSEARCH_SOURCE_DIR) / "tests/plugins/env_gym/worlds.py",
       place_.Path("worlds/walks.py"));
@@ -143,9 +140,7 @@ TEST_F(WorldTest, APythonWorldKeepsItsHabitsAndIsRefusedOnceItsModulesHaveChange
 // Of a run that plays a Python class: its file must be in a folder that the command names, and a
 // class of what is installed cannot stand in for it.
 TEST_F(WorldTest, ARecordedRunDecidesNoPythonThatIsPlayed) {
-  if (std::system("/usr/bin/python3 -c 'import numpy' 2>/dev/null") != 0) {
-    GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
-  }
+  if (!HasNumPy()) GTEST_SKIP() << "/usr/bin/python3 has no NumPy";
   std::filesystem::copy(
       std::filesystem::path(DREAMSEARCH_SOURCE_DIR) / "tests/plugins/env_gym/worlds.py",
       place_.Path("worlds/worlds.py"));
