@@ -98,12 +98,16 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("paper", 0),
 };
 
-// Those that came when there were databases already. Their default is how runs were made before: a
-// run that was recorded without them has it, and it is not written in configurations, so that the
-// same command still finds its runs.
-constexpr bool IsLaterRunParameter(std::string_view name) noexcept {
-  return name == "exploration_hold";
-}
+// Those that came when there were databases already, with the value by which runs were made before:
+// a run that was recorded without them has it, and it is not written in configurations, so that
+// such a run keeps its own.
+struct LaterRunParameter {
+  std::string_view name;
+  double before;
+};
+inline constexpr LaterRunParameter kLaterRunParameters[] = {
+    {"exploration_hold", 1},
+};
 
 inline constexpr View<const ParameterSpec> RunParameters() noexcept {
   return {kRunParameters, sizeof kRunParameters / sizeof kRunParameters[0]};

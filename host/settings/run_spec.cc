@@ -249,25 +249,25 @@ Json CanonicalValues(const ResolvedValues& resolved) {
   return json;
 }
 
-// Takes a value that is the parameter's default out of `values`.
-template <typename Parameter>
-void EraseDefault(const ResolvedValues& resolved, const Parameter& parameter, Json* values) {
-  const ResolvedValue* value = resolved.Find(parameter.name);
-  if (value != nullptr && value->number == parameter.default_number) values->erase(parameter.name);
+// Takes the value of `name` out of `values` where it is `number`.
+void EraseIf(const ResolvedValues& resolved, const std::string& name, double number, Json* values) {
+  const ResolvedValue* value = resolved.Find(name);
+  if (value != nullptr && value->number == number) values->erase(name);
 }
 
 Json CanonicalRun(const ResolvedValues& run) {
   Json values = CanonicalValues(run);
-  for (const ParameterSpec& parameter : RunParameters()) {
-    if (IsLaterRunParameter(parameter.name)) EraseDefault(run, parameter, &values);
+  for (const LaterRunParameter& later : kLaterRunParameters) {
+    EraseIf(run, std::string(later.name), later.before, &values);
   }
   return values;
 }
 
 Json CanonicalComponent(const ResolvedComponent& component) {
-  Json values = CanonicalValues(component.parameters);
+  const ResolvedValues& resolved = component.parameters;
+  Json values = CanonicalValues(resolved);
   for (const ParameterInfo& parameter : component.info->parameters) {
-    if (parameter.variation) EraseDefault(component.parameters, parameter, &values);
+    if (parameter.variation) EraseIf(resolved, parameter.name, parameter.default_number, &values);
   }
   return {{"name", component.name()}, {"parameters", values}};
 }

@@ -189,8 +189,8 @@ std::string DigestFilesAnew(ResolvedValues* values);
 // of the components, keys sorted, no space; of an evaluation what decides its
 // episodes. Not in it: study, seed, preset's name, versions of components and
 // plugins, where a value came from, the content of files and ingredients (DigestsOf), a factor of
-// variation that has its default, nor a run parameter that came later (IsLaterRunParameter) and
-// has its.
+// variation that has its default, nor a run parameter that came later and has the value of before
+// (LaterRunParameter).
 std::string CanonicalJson(const RunSpec& spec);
 std::string ConfigurationSha256(const RunSpec& spec);
 

@@ -457,8 +457,11 @@ ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& 
 
 void AddLaterRunParameters(ResolvedValues* run) {
   for (const ParameterSpec& spec : RunParameters()) {
-    if (!IsLaterRunParameter(spec.name) || run->Find(spec.name) != nullptr) continue;
+    const auto* later = std::find_if(std::begin(kLaterRunParameters), std::end(kLaterRunParameters),
+                                     [&](const auto& one) { return one.name == spec.name; });
+    if (later == std::end(kLaterRunParameters) || run->Find(spec.name) != nullptr) continue;
     run->values.push_back(PresetOrDefault(DescribeParameter(spec), ""));
+    run->values.back().number = later->before;
   }
 }
 

@@ -27,7 +27,7 @@ std::vector<RunSpec> ResolveMatrix(const RunOptions& options, const Catalogue& c
 ResolvedComponent Rebased(const ResolvedComponent& recorded, const std::string& preset,
                           const Catalogue& catalogue);
 
-// Gives a recorded run the runner's own parameters that came after it (IsLaterRunParameter).
+// Gives a recorded run the runner's own parameters that came after it (LaterRunParameter).
 void AddLaterRunParameters(ResolvedValues* run);
 
 }  // namespace dreamsearch

@@ -64,6 +64,10 @@ void Behaviour<T>::Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, 
   value_group_.Allocate(value_seed, rounding);
   if (settings_.slow_critic_weight > 0) slow_.Allocate(value_group_, rounding.training);
   ResetSlow();
+  if (settings_.averages_actor()) {
+    acting_.Allocate(actor_group_, rounding.planning);
+    acting_.Reset(actor_group_);
+  }
 }
 
 template <typename T>
@@ -71,6 +75,7 @@ void Behaviour<T>::Pack() {
   actor_group_.Pack();
   value_group_.Pack();
   slow_.Pack();
+  acting_.Pack();
 }
 
 template <typename T>
@@ -439,7 +444,9 @@ void Behaviour<T>::Act(In<T> states, In<T> noise, Mat<T> actions) {
   const Index n = states.cols;
   const Mat<T> raw = raw_.Shape(2 * a_, n);
   actor_.Reserve(n, &actor_tape_);
-  actor_.Forward(actor_group_.planning(&rounded_scratch_), states, 0, &actor_tape_, raw);
+  actor_.Forward(settings_.averages_actor() && !noise ? acting_.weights(&rounded_scratch_)
+                                                      : actor_group_.planning(&rounded_scratch_),
+                 states, 0, &actor_tape_, raw);
   ActorForward<T>(raw, noise, shape_, squashed_.Shape(a_, n), std_.Shape(a_, n), actions, Mat<T>());
 }
 

@@ -21,6 +21,7 @@
 // leaves out the reward for arriving at s.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -126,9 +127,19 @@ class Behaviour {
   void ResetSlow() { slow_.Reset(value_group_); }
   void UpdateSlow() { slow_.Follow(value_group_, settings_.slow_critic_rate); }
 
+  // Of the actor's parameters those that give the mode: their moving average. Null: they do.
+  std::vector<T>* acting() { return settings_.averages_actor() ? &acting_.values() : nullptr; }
+  // After the update-th update; the first is 1. A plain mean until it has as many updates as the
+  // moving one remembers.
+  void UpdateActing(std::uint64_t update) {
+    if (!settings_.averages_actor()) return;
+    acting_.Follow(actor_group_,
+                   std::max(settings_.actor_average, 1 / static_cast<double>(update)));
+  }
+
   // Makes both groups' parameters; see ParameterGroup::Allocate.
   void Allocate(std::uint64_t actor_seed, std::uint64_t value_seed, Rounding rounding);
-  // Lays the weights out anew, the slow critics' too; after any of them has changed.
+  // Lays the weights out anew, the copies' too; after any of them has changed.
   void Pack();
 
   // A dream, in lanes that depend on the number of starts alone: BeginDream shares the
@@ -188,7 +199,7 @@ class Behaviour {
   ParameterGroup<T> value_group_{"value"};
   Mlp actor_;
   std::vector<Mlp> critics_;
-  SlowCopy<T> slow_;
+  SlowCopy<T> slow_, acting_;
   std::vector<T> returns_;
 
   DreamInput<T> input_;

@@ -221,6 +221,7 @@ void Learner<T>::Apply(const UpdateLosses& losses) {
       step(behaviour_.actor(), settings_.actor_learning_rate, losses.actor_gradient_norm);
       step(behaviour_.value(), settings_.value_learning_rate, losses.value_gradient_norm);
       if (settings_.slow_critic_weight > 0) behaviour_.UpdateSlow();
+      behaviour_.UpdateActing(updates_);
       behaviour_.Pack();
     }
   });
@@ -253,6 +254,8 @@ LearnerState<T> Learner<T>::State() {
   LearnerState<T> state{kSavedMagic, o_, a_, &return_scale_, &statistics_, &behaviour_.slow()};
   state.groups = {&world_.group(), &behaviour_.actor(), &behaviour_.value()};
   state.counters = {&updates_};
+  state.acting_group = &behaviour_.actor();
+  state.acting = behaviour_.acting();
   return state;
 }
 

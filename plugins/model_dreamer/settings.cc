@@ -200,7 +200,12 @@ constexpr auto kSettings = BindSettings<Settings>(
     Bind<&Settings::imagined_latent_mean>(ChoiceParameter(
         "imagined_latent", "mean", "sample,mean",
         "What Imagine returns of the prior to a planner. [ours: mean, so that equal "
-        "actions give equal returns; training always samples]")));
+        "actions give equal returns; training always samples]")),
+    Bind<&Settings::actor_average>(RealParameter(
+        "actor_average", 1, 1e-5, 1, "",
+        "Rate at which the actor whose mode is played follows the one that learns and is sampled, "
+        "at each update; 1: they are the same; 0.005 remembers some 200 updates. [Polyak and "
+        "Juditsky 1992; of a policy: Nikishin et al. 2018]")));
 
 }  // namespace
 

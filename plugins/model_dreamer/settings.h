@@ -74,7 +74,9 @@ struct Settings : SharedSettings {
   // What planners see.
   bool acting_latent_mean{};
   bool imagined_latent_mean{};
+  double actor_average{};
 
+  bool averages_actor() const { return actor_average < 1; }
   Index state_size() const { return stochastic + deterministic; }
   bool operator==(const Settings&) const = default;
 };

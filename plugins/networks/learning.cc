@@ -161,6 +161,7 @@ std::vector<std::uint64_t> LearnerState<T>::Header() const {
       add(static_cast<std::uint64_t>(tensor.cols));
     }
   }
+  if (acting != nullptr) add(1);
   numbers.push_back(hash);
   return numbers;
 }
@@ -180,7 +181,10 @@ Status LearnerState<T>::Save(ByteSink* sink) const {
       if (status.ok()) status = WriteArray(sink, array, group->size());
     }
   }
-  if (status.ok()) status = WriteArray(sink, slow->data(), static_cast<Index>(slow->size()));
+  for (const std::vector<T>* copy : {slow, acting}) {
+    if (copy == nullptr || !status.ok()) continue;
+    status = WriteArray(sink, copy->data(), static_cast<Index>(copy->size()));
+  }
   return status;
 }
 
@@ -210,17 +214,20 @@ Status LearnerState<T>::Load(const char* model, ByteSource* source) const {
       if (status.ok()) status = ReadArray(source, array, group->size());
     }
   }
-  if (status.ok()) status = ReadArray(source, slow->data(), static_cast<Index>(slow->size()));
+  for (std::vector<T>* copy : {slow, acting}) {
+    if (copy == nullptr || !status.ok()) continue;
+    status = ReadArray(source, copy->data(), static_cast<Index>(copy->size()));
+  }
   return status;
 }
 
 template <typename T>
 Status LearnerState<T>::Export(TensorSink* sink) const {
   std::vector<float> rows;
-  for (const ParameterGroup<T>* group : groups) {
-    for (const Tensor& tensor : group->tensors()) {
+  const auto write = [&](const ParameterGroup<T>& group, const T* base, const std::string& prefix) {
+    for (const Tensor& tensor : group.tensors()) {
       rows.resize(static_cast<std::size_t>(tensor.rows * tensor.cols));
-      const Mat<const T> values(group->values() + tensor.offset, tensor.rows, tensor.cols);
+      const Mat<const T> values(base + tensor.offset, tensor.rows, tensor.cols);
       for (Index i = 0; i < tensor.rows; ++i) {
         for (Index j = 0; j < tensor.cols; ++j) {
           rows[static_cast<std::size_t>(i * tensor.cols + j)] = static_cast<float>(values(i, j));
@@ -229,10 +236,18 @@ Status LearnerState<T>::Export(TensorSink* sink) const {
       const std::uint64_t shape[] = {static_cast<std::uint64_t>(tensor.rows),
                                      static_cast<std::uint64_t>(tensor.cols)};
       const bool vector = tensor.cols == 1 && !tensor.name.ends_with(".weight");
-      const Status status =
-          sink->Tensor(tensor.name.c_str(), {shape, vector ? 1u : 2u}, {rows.data(), rows.size()});
+      const Status status = sink->Tensor((prefix + tensor.name).c_str(), {shape, vector ? 1u : 2u},
+                                         {rows.data(), rows.size()});
       if (!status.ok()) return status;
     }
+    return OkStatus();
+  };
+  for (const ParameterGroup<T>* group : groups) {
+    if (const Status status = write(*group, group->values(), ""); !status.ok()) return status;
+  }
+  if (acting != nullptr) {
+    const Status status = write(*acting_group, acting->data(), "acting_");
+    if (!status.ok()) return status;
   }
   return statistics->Export(sink);
 }

@@ -132,13 +132,17 @@ struct LearnerState {
   std::vector<T>* slow = nullptr;          // values of the slow copy
   std::vector<ParameterGroup<T>*> groups;  // with Adam's moments
   std::vector<std::uint64_t*> counters;
+  // A copy that acts in place of its group: its values; null: none.
+  const ParameterGroup<T>* acting_group = nullptr;
+  std::vector<T>* acting = nullptr;
 
   // Begins with what marks it: the mark, bytes a number, sizes of observation, action and every
   // group, a hash of all tensors' names and shapes.
   Status Save(ByteSink* sink) const;
   // kDataLoss says for which of them `model` finds another. Pack is left to the caller.
   Status Load(const char* model, ByteSource* source) const;
-  // Every tensor in single precision, a weight as [out, in], slowest first.
+  // Every tensor in single precision, a weight as [out, in], slowest first. Those of the copy that
+  // acts have its group's names after "acting_".
   Status Export(TensorSink* sink) const;
 
  private:

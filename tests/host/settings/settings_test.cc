@@ -333,18 +333,22 @@ TEST(CanonicalJson, ChangesWithEverySetting) {
   EXPECT_TRUE(digests.insert(ConfigurationSha256(Resolve(options))).second);
 }
 
-// A database from before a parameter was there: its runs have the default, and their configuration
-// is that of the same command today.
-TEST(CanonicalJson, ARunParameterThatCameLaterIsNotMissed) {
-  const RunSpec today = With({});
-  EXPECT_EQ(CanonicalJson(today).find("exploration_hold"), std::string::npos);
+// A database from before parameters were there: its runs have the values by which they were made,
+// and the configuration of a command that gives those today.
+TEST(CanonicalJson, RunParametersThatCameLaterAreNotMissed) {
+  const RunSpec today = With({{"run.exploration_hold", "1"}});
   RunSpec recorded = today;
-  std::erase_if(recorded.run.values,
-                [](const ResolvedValue& value) { return value.name == "exploration_hold"; });
+  for (const LaterRunParameter& later : kLaterRunParameters) {
+    EXPECT_EQ(CanonicalJson(today).find(later.name), std::string::npos);
+    std::erase_if(recorded.run.values,
+                  [&](const ResolvedValue& value) { return value.name == later.name; });
+  }
   EXPECT_EQ(CanonicalJson(recorded), CanonicalJson(today));
   AddLaterRunParameters(&recorded.run);
-  EXPECT_EQ(recorded.run.Integer("exploration_hold"), 1u);
   EXPECT_EQ(recorded.run.values.size(), today.run.values.size());
+  for (const LaterRunParameter& later : kLaterRunParameters) {
+    EXPECT_EQ(recorded.run.Number(std::string(later.name)), later.before);
+  }
   EXPECT_NE(CanonicalJson(With({{"run.exploration_hold", "4"}})), CanonicalJson(today));
 }
 

@@ -40,6 +40,7 @@ struct DreamerCase {
     s.continuation = true;
     s.critics = 2;
     s.imagined_latent_mean = false;
+    s.actor_average = 0.1;
     s.horizon = 3;
     s.imagination_starts = 300;  // more than one block
     return s;
@@ -154,6 +155,57 @@ TEST(Dreamer, ExportsEveryParameterOnce) {
   const std::uint64_t biases = 3 * 200 + 200 + 2 * 600 + 260 + 260 + 424 + 401 + 812 + 601;
   EXPECT_EQ(sink.total, weights + biases + 2 * 24);
   EXPECT_EQ(sink.names.front(), "encoder.0.weight");
+}
+
+// The exported tensors whose names begin so, one after the other.
+std::vector<float> Exported(Model* model, const std::string& prefix) {
+  Names sink;
+  EXPECT_TRUE(ExtensionOf<TensorExport>(model)->Export(&sink).ok());
+  std::vector<float> values;
+  for (std::size_t i = 0; i < sink.names.size(); ++i) {
+    if (!sink.names[i].starts_with(prefix)) continue;
+    values.insert(values.end(), sink.contents[i].begin(), sink.contents[i].end());
+  }
+  return values;
+}
+
+// The mean of all updates at first, then a moving one. It gives the mode and nothing else.
+TEST(Dreamer, PlaysTheModeOfTheAverageOfItsActor) {
+  constexpr double kRate = 0.25;
+  Settings settings = Small();
+  const ModelPointer present = Make(settings);
+  settings.actor_average = kRate;
+  const ModelPointer average = Make(settings);
+  const std::vector<float> first = Exported(present.get(), "actor.");
+  std::vector<double> expected(first.begin(), first.end());
+  EXPECT_EQ(Exported(average.get(), "acting_actor."), first);
+  EXPECT_TRUE(Exported(present.get(), "acting_actor.").empty());
+  for (std::uint64_t update = 0; update < 8; ++update) {
+    const OwnedBatch batch = PointBatch(6, 10, update);
+    EXPECT_EQ(Train<DreamerCase>(present.get(), batch, update),
+              Train<DreamerCase>(average.get(), batch, update));
+    const std::vector<float> learnt = Exported(present.get(), "actor.");
+    const double rate = std::max(kRate, 1 / (static_cast<double>(update) + 1));
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      expected[i] += rate * (static_cast<double>(learnt[i]) - expected[i]);
+    }
+  }
+  const std::vector<float> acting = Exported(average.get(), "acting_actor.");
+  ASSERT_EQ(acting.size(), expected.size());
+  for (std::size_t i = 0; i < acting.size(); ++i) EXPECT_NEAR(acting[i], expected[i], 1e-5) << i;
+
+  const Answers answers = Ask(average.get(), 3, 5);
+  Answers of_present = Ask(present.get(), 3, 5);
+  EXPECT_NE(answers.mode, of_present.mode);
+  of_present.mode = answers.mode;
+  EXPECT_EQ(answers, of_present);
+  Bytes saved;
+  ASSERT_TRUE(average->Save(&saved).ok());
+  const ModelPointer loaded = Make(settings);
+  ASSERT_TRUE(loaded->Load(&saved).ok());
+  EXPECT_EQ(Ask(loaded.get(), 3, 5), answers);
+  saved.position = 0;
+  ExpectOtherModel(present.get(), saved, "architecture");
 }
 
 TEST(Dreamer, LearnsAPointOnALine) {

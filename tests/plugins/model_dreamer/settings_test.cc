@@ -55,6 +55,7 @@ TEST(Settings, PaperPresetHasThePapersNumbers) {
   EXPECT_EQ(s.adam_beta2, 0.999);
   EXPECT_EQ(s.adam_epsilon, 1e-7);
   EXPECT_EQ(s.gradient_clip, 100);
+  EXPECT_EQ(s.actor_average, 1);
   EXPECT_FALSE(s.bfloat16);
   EXPECT_FALSE(s.acting_latent_mean);
   EXPECT_TRUE(s.imagined_latent_mean);

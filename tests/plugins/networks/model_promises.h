@@ -255,10 +255,12 @@ class Names final : public TensorSink {
     EXPECT_EQ(size, values.size) << name;
     total += values.size;
     names.emplace_back(name);
+    contents.emplace_back(values.begin(), values.end());
     return OkStatus();
   }
   std::uint64_t total = 0;
   std::vector<std::string> names;
+  std::vector<std::vector<float>> contents;
 };
 
 template <typename Case>

@@ -17,7 +17,7 @@ inline constexpr std::uint64_t kActionStream = 4;
 // What golden.py need not know: the weights are given, and one critic is trained.
 inline const std::vector<std::string> kNeutral = {
     "zero_heads",         "acting_latent", "imagined_latent", "precision",
-    "planning_precision", "critics",       "value_in_dreams"};
+    "planning_precision", "critics",       "value_in_dreams", "actor_average"};
 
 // A declared parameter that `values` does not name has its value of the preset
 // paper, under which every addition to the method is off. Throws on a name that is
