@@ -70,6 +70,10 @@ using Kind = std::pair<std::string, bool>;  // planner, whether it is an evaluat
 
 Kind KindOf(const RunInfo& run) { return {run.planner, IsEvaluation(run)}; }
 
+using KindOnModel = std::pair<Kind, std::string>;  // two models have other settings anyway
+
+KindOnModel KindOnModelOf(const RunInfo& run) { return {KindOf(run), run.model}; }
+
 // DottedValues, by the configuration's digest.
 using Settings = std::map<std::string, std::map<std::string, std::string>>;
 
@@ -158,17 +162,17 @@ std::map<std::string, std::size_t> BuildsOf(const std::vector<GroupedRun>& runs,
 
 std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, Apart apart) {
   // Configurations are told apart by content, so that databases agree on them.
-  std::map<Kind, std::map<std::string, std::set<std::string>>> kinds;  // configurations by task
+  std::map<KindOnModel, std::map<std::string, std::set<std::string>>> kinds;  // configs by task
   Settings settings;
   for (const RunInfo* run : runs) {
-    kinds[KindOf(*run)][run->task].insert(run->config_sha256);
+    kinds[KindOnModelOf(*run)][run->task].insert(run->config_sha256);
     if (settings.contains(run->config_sha256)) continue;
     settings[run->config_sha256] = DottedValues(ParseJsonOrDiscard(run->config_json));
   }
 
   // One choice of keys for all tasks, so that one more setting tried on one of them
   // renames the planner's runs on all.
-  std::map<Kind, std::map<std::string, std::string>> labels;  // by configuration
+  std::map<KindOnModel, std::map<std::string, std::string>> labels;  // by configuration
   for (const auto& [kind, tasks] : kinds) {
     std::set<std::string> keys;
     for (const auto& [task, configs] : tasks) AddDifferences(settings, configs, &keys);
@@ -190,7 +194,7 @@ std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, 
   }
   std::vector<std::string> texts;
   for (const RunInfo* run : runs) {
-    texts.push_back(labels[KindOf(*run)][run->config_sha256]);
+    texts.push_back(labels[KindOnModelOf(*run)][run->config_sha256]);
   }
   if (apart != Apart::kSettings) AddLoaded(runs, Loaded::kVersion, &texts);
   if (apart == Apart::kBuilds) AddLoaded(runs, Loaded::kBuild, &texts);

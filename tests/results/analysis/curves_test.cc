@@ -72,6 +72,16 @@ TEST_F(CurvesTest, OtherSettingsAreOtherLinesNamedByTheDifference) {
   EXPECT_EQ(lines[1].label, "mcts_pw mcts_pw.depth=4");
 }
 
+// Models have other settings; the model's name says so.
+TEST_F(CurvesTest, RunsOnAnotherModelAreToldApartByItsNameAlone) {
+  AddRun({.config = R"({"model":{"width":3},"depth":5})"}, {{kSearch, 0, 1}});
+  AddRun({.model = "tdmpc", .config = R"({"model":{"bins":7},"depth":5})"}, {{kSearch, 0, 1}});
+  AddRun({.model = "tdmpc", .config = R"({"model":{"bins":9},"depth":5})"}, {{kSearch, 0, 1}});
+  EXPECT_EQ(OrderedLabels(GroupRuns(databases_, {}, CurvePhase::kEvaluation)),
+            (std::vector<std::string>{"mcts_pw on dreamer", "mcts_pw on tdmpc model.bins=7",
+                                      "mcts_pw on tdmpc model.bins=9"}));
+}
+
 // An ablation tried on one task only must not make the others incomparable.
 TEST_F(CurvesTest, ASettingTriedOnOneTaskNamesTheRunsOfAllTasks) {
   const std::string plain = R"({"mcts_pw":{"depth":3},"steps":5})";

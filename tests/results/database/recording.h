@@ -18,6 +18,7 @@ struct RunSettings {
   std::string study = "default";
   std::string task = "walker_walk";
   std::string planner = "mcts_pw";
+  std::string model = "dreamer";
   std::string config = R"({"run":{"steps":100000}})";
   std::int64_t seed = 0;
   std::int64_t env_steps_target = 100000;
@@ -39,7 +40,7 @@ inline NewRun MakeNewRun(Database* db, const RunSettings& settings = {}) {
                           .return_low = 0,
                           .return_high = 1000});
   run.planner = settings.planner;
-  run.model = "dreamer";
+  run.model = settings.model;
   run.env_plugin = db->Plugin({"env_dmc", "0.1.0", "1.0", "/plugins/env_dmc.so", "ab"});
   if (!settings.planner_version.empty()) {
     run.planner_plugin = db->Plugin(
