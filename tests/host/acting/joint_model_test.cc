@@ -647,9 +647,12 @@ TEST(JointModel, TheSharesOfTimeAddUp) {
     }
   });
   const double wall = ActivityClock::Now() - begin;
-  double sum = 0;
+  // The k-th call serves 4 - k seats, which bear equal parts of it; other work on the processor can
+  // only add to what a seat has.
+  double sum = 0, least = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_GT(joint.Seconds(i), i == 0 ? 0 : joint.Seconds(i - 1));
+    least += model.busy_seconds / (4 - static_cast<double>(i));
+    EXPECT_GE(joint.Seconds(i), least);
     sum += joint.Seconds(i);
   }
   EXPECT_EQ(model.imagine.calls, 4u);
