@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Does each choice of the preset `fast` earn its place? Choices are changed one at a time: taken
 # back to the preset `paper` or to what is usual. Two tasks, the actor alone, seeds 0 to 2, 50,000
-# environment steps. The base is "norm=none", the preset with an update every 5 steps rather than
-# 3, which lets a study take 20 core-minutes rather than 35; studies are named after what they
-# change. Given again it goes on where it stopped. Prints the table of results/published/ablation.md.
+# environment steps. The base is "norm=none", the preset as it was then (November 2026) with an
+# update every 5 steps rather than 3, which lets a study take 20 core-minutes rather than 35;
+# studies are named after what they change. Given again it goes on where it stopped. Prints the table of results/published/ablation.md.
 #   experiments/ablation.sh [DATABASE [STUDY ...]]
 set -euo pipefail
 
@@ -39,7 +39,9 @@ if [ ${#studies[@]} -eq 0 ]; then
 fi
 
 for study in "${studies[@]}"; do
-  declare -A value=([run.train_every]=5 [model.norm]=none)
+  declare -A value=([run.train_every]=5 [run.exploration_hold]=1 [dreamer.noise_on]=mode
+    [model.norm]=none [model.horizon]=12 [model.imagination_starts]=128 [model.actor_layers]=4
+    [model.value_layers]=3)
   for setting in $study; do
     name=${setting%%=*}
     [[ $name == run.* ]] || name=model.$name

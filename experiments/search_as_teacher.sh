@@ -14,12 +14,15 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 bin=${DREAMSEARCH_BIN:-$root/build/release/bin}
 db=${1:-$root/results/tdmpc_100k.db}
 
+# The sizes and updates of the preset as it was then.
+old_sizes=(--set run.train_every=3 --set run.exploration_hold=1 --set model.horizon=12
+  --set model.imagination_starts=128 --set model.actor_layers=4 --set model.value_layers=3)
 half=(--steps 50000 --set run.eval_every=10000)  # evaluated where the whole runs are
 tdmpc_taught() { "$bin/runner" --config "$root/experiments/tdmpc_100k.cfg" "$@"; }
 tdmpc_untaught() { tdmpc_taught "${half[@]}" --set run.search_targets=false --study untaught "$@"; }
 dreamer() {
   "$bin/runner" --model dreamer --planner mppi --set mppi.candidates=64 --set mppi.iterations=2 \
-    --set mppi.elites=8 "${half[@]}" "$@"
+    --set mppi.elites=8 "${old_sizes[@]}" "${half[@]}" "$@"
 }
 dreamer_taught() { dreamer --set run.search_targets=true --study taught "$@"; }
 dreamer_untaught() { dreamer --study untaught "$@"; }

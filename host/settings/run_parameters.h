@@ -29,21 +29,21 @@ inline constexpr ParameterSpec kRunParameters[] = {
                  "episode; they count in the budget. [dreamer, paper: 5000]")
         .Preset("fast", 5000)
         .Preset("paper", 5000),
-    IntParameter("exploration_hold", 1, 1, 10000, "decisions",
+    IntParameter("exploration_hold", 8, 1, 10000, "decisions",
                  "For how many decisions, on average, the same random numbers choose the actions "
                  "of training: those of the prefill, and the samples and noise of the planner. "
                  "White noise does not swing a pole up; held noise leans one way for a while. "
-                 "[Eberhard et al. 2023 colour it; dreamer, paper: 1]")
-        .Preset("fast", 1)
+                 "[ours; Eberhard et al. 2023 colour it; dreamer, paper: 1]")
+        .Preset("fast", 8)
         .Preset("paper", 1),
     IntParameter("pretrain_updates", 100, 0, 1000000, "updates",
                  "Updates before the first training episode. [dreamer: 100]")
         .Preset("fast", 100)
         .Preset("paper", 100),
-    IntParameter("train_every", 3, 1, 1000000, "steps",
+    IntParameter("train_every", 1, 1, 1000000, "steps",
                  "Environment steps for which one update is made. [ours, "
-                 "results/published/ablation.md; paper: 10]")
-        .Preset("fast", 3)
+                 "results/published/tuning_fast.md; paper: 10]")
+        .Preset("fast", 1)
         .Preset("paper", 10),
     BoolParameter(
         "train_within_episode", false,

@@ -34,9 +34,13 @@ constexpr auto kSettings = BindSettings<Settings>(
         IntParameter("continuation_layers", 3, 1, 8, "layers",
                      "Hidden layers of the continuation model. [dreamer]")),
     Bind<&Settings::actor_layers>(
-        IntParameter("actor_layers", 4, 1, 8, "layers", "Hidden layers of the actor. [dreamer]")),
+        IntParameter("actor_layers", 2, 1, 8, "layers",
+                     "Hidden layers of the actor. [TD-MPC2: 2; dreamer, paper: 4]")
+            .Preset("paper", 4)),
     Bind<&Settings::value_layers>(
-        IntParameter("value_layers", 3, 1, 8, "layers", "Hidden layers of the value. [dreamer]")),
+        IntParameter("value_layers", 2, 1, 8, "layers",
+                     "Hidden layers of the value. [TD-MPC2: 2; dreamer, paper: 3]")
+            .Preset("paper", 3)),
     Bind<&Settings::critics>(
         IntParameter("critics", 1, 1, 16, "",
                      "Values in the ensemble, all trained; planners see its mean, deviation and "
@@ -99,12 +103,12 @@ constexpr auto kSettings = BindSettings<Settings>(
             "[v3]")
             .Preset("paper", false)),
 
-    Bind<&Settings::horizon>(IntParameter("horizon", 12, 1, 100, "decisions",
+    Bind<&Settings::horizon>(IntParameter("horizon", 8, 1, 100, "decisions",
                                           "H, the length of a dream. [ours; paper: 15]")
                                  .Preset("paper", 15)),
     Bind<&Settings::imagination_starts>(
         IntParameter(
-            "imagination_starts", 128, 0, 1000000, "states",
+            "imagination_starts", 64, 0, 1000000, "states",
             "Posterior states of the batch that dreams start from; 0 for all. [ours; paper: "
             "all]")
             .Preset("paper", 0)),

@@ -17,6 +17,7 @@ constexpr RunPreset kRunPresets[] = {
     {"train_every", "fast", 2},          {"train_every", "paper", 2},
     {"pretrain_updates", "fast", 2500},  {"pretrain_updates", "paper", 2500},
     {"train_within_episode", "fast", 1}, {"train_within_episode", "paper", 1},
+    {"exploration_hold", "fast", 1},     {"exploration_hold", "paper", 1},
 };
 
 const ComponentDescriptor kComponents[] = {{

@@ -17,9 +17,10 @@ constexpr auto kSettings = BindSettings<DreamerSettings>(
                       "Standard deviation of the Gaussian noise on the action while exploring "
                       "(Koul et al. 2020).")),
     Bind<&DreamerSettings::noise_on_sample>(
-        ChoiceParameter("noise_on", "mode", "mode,sample",
+        ChoiceParameter("noise_on", "sample", "mode,sample",
                         "What the noise is added to while exploring: the actor's mode (Koul et al. "
-                        "2020) or a sample of it (Dreamer's code).")));
+                        "2020) or a sample of it (Dreamer's code).")
+            .Preset("paper", "mode")));
 
 enum Metric { kModeDistance, kMetricCount };
 constexpr MetricSpec kMetrics[] = {

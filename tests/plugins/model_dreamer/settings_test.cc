@@ -75,8 +75,10 @@ TEST(Settings, FastPresetHasTheNumbersItWasMeasuredWith) {
   EXPECT_EQ(s.free_nats, 1);
   EXPECT_TRUE(s.free_nats_per_step);
   EXPECT_TRUE(s.zero_heads);
-  EXPECT_EQ(s.horizon, 12);
-  EXPECT_EQ(s.imagination_starts, 128);
+  EXPECT_EQ(s.actor_layers, 2);
+  EXPECT_EQ(s.value_layers, 2);
+  EXPECT_EQ(s.horizon, 8);
+  EXPECT_EQ(s.imagination_starts, 64);
   EXPECT_EQ(s.start_skip, 4);
   EXPECT_EQ(s.actor_initial_std, 1);
   EXPECT_EQ(s.actor_min_std, 0.1);
