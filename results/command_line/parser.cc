@@ -75,6 +75,16 @@ std::vector<po::option> Parsed(const CommandSpec& spec, const std::string& where
   throw Failure(code, where + ": " + message);
 }
 
+// Takes the first of the words if it is text that begins with dashes, such as an SQL query below a
+// comment: no flag has a space after them.
+std::vector<po::option> DashedText(Words& words) {
+  if (words.empty() || !words.front().starts_with("-- ")) return {};
+  po::option text;
+  text.value = text.original_tokens = {words.front()};
+  words.erase(words.begin());
+  return {text};
+}
+
 const Flag& ArgumentAt(const CommandSpec& spec, std::size_t position, const std::string& word) {
   // Such a word is a flag to whoever wrote it.
   const bool dashed =
@@ -104,6 +114,7 @@ std::vector<Given> ParseWords(const CommandSpec& spec, const Words& words) {
     return po::command_line_parser(words)
         .options(described)
         .style(style::allow_long | style::long_allow_adjacent | style::long_allow_next)
+        .extra_style_parser(DashedText)
         .run();
   });
   std::vector<Given> given;

@@ -99,6 +99,14 @@ TEST(CommandLine, EveryKindOfValueIsRead) {
   EXPECT_TRUE(bake.hot);
 }
 
+TEST(CommandLine, TextMayBeginWithDashesAndASpace) {
+  Bake bake;
+  ReadCommandLine(bake.Declare(), {"--for", "ada", "-- why\ntart", "--hot"});
+  EXPECT_EQ(bake.cake, "-- why\ntart");
+  EXPECT_TRUE(bake.hot);
+  EXPECT_EQ(Baked({"--note", "-- aside"}).notes, Words{"-- aside"});
+}
+
 TEST(CommandLine, AnErrorSaysWhereWhatWasExpectedAndWhatWasFound) {
   EXPECT_EQ(Usage({"--layers", "10"}),
             "cook bake: --layers: expected a whole number from 1 to 9, found '10'");
