@@ -41,10 +41,15 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("fast", 100)
         .Preset("paper", 100),
     IntParameter("train_every", 1, 1, 1000000, "steps",
-                 "Environment steps for which one update is made. [ours, "
+                 "Environment steps for which updates are made: one, or run.updates. [ours, "
                  "results/published/tuning_fast.md; paper: 10]")
         .Preset("fast", 1)
         .Preset("paper", 10),
+    IntParameter("updates", 1, 1, 1000, "updates",
+                 "Updates for each run.train_every environment steps. [BRO, Nauman et al. 2024: 5 "
+                 "for a step; TD-MPC2, paper: 1]")
+        .Preset("fast", 1)
+        .Preset("paper", 1),
     BoolParameter(
         "train_within_episode", false,
         "Make each update as soon as its steps are made, between two decisions, and not at "
@@ -107,6 +112,7 @@ struct LaterRunParameter {
 };
 inline constexpr LaterRunParameter kLaterRunParameters[] = {
     {"exploration_hold", 1},
+    {"updates", 1},
 };
 
 inline constexpr View<const ParameterSpec> RunParameters() noexcept {

@@ -52,8 +52,9 @@ class Schedule {
     return (steps_ - random_steps()) / spec_.action_repeat();
   }
   std::uint64_t updates() const {
-    return spec_.run.Integer("pretrain_updates") +
-           (steps_ - random_steps()) / spec_.run.Integer("train_every");
+    return spec_.run.Integer("pretrain_updates") + (steps_ - random_steps()) /
+                                                       spec_.run.Integer("train_every") *
+                                                       spec_.run.Integer("updates");
   }
   // Evaluations happen at step 0, at episode ends, and at the end.
   std::uint64_t evaluations() const {

@@ -296,8 +296,9 @@ void Experiment::FinishEpisode() {
 
 void Experiment::EarnUpdates() {
   const auto train_every = spec_.run.Integer("train_every");
-  at_.pending_updates = (at_.env_step - at_.learned_env_step) / train_every;
-  at_.learned_env_step += at_.pending_updates * train_every;
+  const std::uint64_t times = (at_.env_step - at_.learned_env_step) / train_every;
+  at_.pending_updates = times * spec_.run.Integer("updates");
+  at_.learned_env_step += times * train_every;
 }
 
 void Experiment::AdjustThreads() {

@@ -2,7 +2,7 @@
 //
 // The schedule is that of Koul et al. 2020 and Dreamer (Hafner et al. 2020):
 // episodes that begin before run.prefill_steps are uniformly random; then
-// run.pretrain_updates; then, at the end of each episode, one update for every
+// run.pretrain_updates; then, at the end of each episode, run.updates for every
 // run.train_every environment steps gained; with run.train_within_episode (TD-MPC2, Hansen
 // et al. 2024) as soon as they are gained, from the episodes before. Evaluations come at step 0, at
 // the first episode end after every run.eval_every environment steps, and at the end.

@@ -218,7 +218,8 @@ void Experiment::CheckPosition(const StateReader& part) const {
     part.Refuse(std::string("field '") + name + "': expected at most " + std::to_string(most) +
                 ", found " + std::to_string(found));
   };
-  const std::uint64_t earned = at_.env_step / spec_.run.Integer("train_every");
+  const std::uint64_t earned =
+      at_.env_step / spec_.run.Integer("train_every") * spec_.run.Integer("updates");
   check("stage", static_cast<std::uint64_t>(at_.stage), static_cast<std::uint64_t>(Stage::kDone));
   check("env_step", at_.env_step, target_);
   check("decisions", at_.decisions, at_.env_step);

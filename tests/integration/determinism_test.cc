@@ -48,6 +48,16 @@ TEST_F(DeterminismTest, AnotherDatabaseAndOneJobGiveTheSameDigests) {
   EXPECT_EQ(place_->Value("one.db", kDigests), reference_);
 }
 
+TEST_F(DeterminismTest, TwoUpdatesAtATimeAreOneOfHalfTheSteps) {
+  std::vector<std::string> twice = Arguments("twice.db", "2");
+  std::replace(twice.begin(), twice.end(), std::string("run.train_every=250"),
+               std::string("run.train_every=500"));
+  twice.insert(twice.end(), {"--set", "run.updates=2"});
+  const ProgramResult result = place_->Runner(twice);
+  EXPECT_EQ(result.exit_status, 0) << result.err;
+  EXPECT_EQ(place_->Value("twice.db", kDigests), reference_);
+}
+
 TEST_F(DeterminismTest, InterruptedInMidEvaluationAndResumedGivesTheSameDigest) {
   // The first evaluation, before any step: searches, five episodes side by side.
   const auto arguments = [](const std::string& db) {

@@ -36,6 +36,11 @@ TEST(Schedule, CountsOfTheDefaultSchedule) {
   EXPECT_EQ(schedule.replay_rows(), 60u * 501);
 }
 
+TEST(Schedule, MakesSeveralUpdatesAtATime) {
+  const RunSpec spec = SpecWith({{"steps", 60000}, {"train_every", 10}, {"updates", 3}});
+  EXPECT_EQ(Schedule(spec, 1000).updates(), 100u + 3 * 5500u);
+}
+
 TEST(Schedule, EvaluatesEveryTenThousandStepsOfALongRun) {
   const RunSpec spec = SpecWith({{"steps", 2000000}});
   EXPECT_EQ(Schedule(spec, 1000).eval_every(), 10000u);

@@ -339,7 +339,7 @@ TEST(CanonicalJson, RunParametersThatCameLaterAreNotMissed) {
   const RunSpec today = With({{"run.exploration_hold", "1"}});
   RunSpec recorded = today;
   for (const LaterRunParameter& later : kLaterRunParameters) {
-    EXPECT_EQ(CanonicalJson(today).find(later.name), std::string::npos);
+    EXPECT_EQ(CanonicalJson(today).find("\"" + std::string(later.name) + "\""), std::string::npos);
     std::erase_if(recorded.run.values,
                   [&](const ResolvedValue& value) { return value.name == later.name; });
   }
