@@ -141,13 +141,27 @@
     }
   }
 
+  // A long name over several lines: an axis cuts off what is longer than half of the chart.
+  function linesOf(name) {
+    const longest = 40;
+    const lines = [""];
+    for (const word of name.split(" ")) {
+      const line = lines[lines.length - 1];
+      if (line && line.length + 1 + word.length > longest) lines.push(word);
+      else lines[lines.length - 1] = line ? `${line} ${word}` : word;
+    }
+    return lines;
+  }
+
   function drawTime() {
     const {planners, activities} = data.time;
     const canvas = byId("time-chart");
-    canvas.parentElement.style.height = `${7 + 2.4 * planners.length}rem`;
+    const names = planners.map(linesOf);
+    const height = 7 + 1.2 * (names.length + names.flat().length);
+    canvas.parentElement.style.height = `${height}rem`;
     newChart(canvas, {
       type: "bar",
-      data: {labels: planners,
+      data: {labels: names,
              datasets: activities.map(({name, style, seconds}) => (
                  {label: name, data: seconds, backgroundColor: colour(data.styles[style])}))},
       options: {
