@@ -3,7 +3,8 @@
 # back to the preset `paper` or to what is usual. Two tasks, the actor alone, seeds 0 to 2, 50,000
 # environment steps. The base is "norm=none", the preset as it was then (November 2026) with an
 # update every 5 steps rather than 3, which lets a study take 20 core-minutes rather than 35;
-# studies are named after what they change. Given again it goes on where it stopped. Prints the table of results/published/ablation.md.
+# studies are named after what they change. Given again it goes on where it stopped. Prints the
+# table of results/published/ablation.md.
 #   experiments/ablation.sh [DATABASE [STUDY ...]]
 set -euo pipefail
 

@@ -46,8 +46,8 @@ inline constexpr ParameterSpec kRunParameters[] = {
         .Preset("fast", 1)
         .Preset("paper", 10),
     IntParameter("updates", 1, 1, 1000, "updates",
-                 "Updates for each run.train_every environment steps. [BRO, Nauman et al. 2024: 5 "
-                 "for a step; TD-MPC2, paper: 1]")
+                 "Updates for each run.train_every environment steps. [SimbaV2: 1 to 8 for a "
+                 "decision; TD-MPC2, paper: 1]")
         .Preset("fast", 1)
         .Preset("paper", 1),
     BoolParameter(

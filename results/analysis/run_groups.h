@@ -55,7 +55,8 @@ enum class Apart { kSettings, kVersions, kBuilds };
 
 // What tells runs of a planner apart, for each of these runs: "k=5 model.version="2.0.0"", the
 // settings in which the planner's runs on the same model differ on some task and which this run
-// has, then its versions and builds where others have others of the same component. Empty where none do.
+// has, then its versions and builds where others have others of the same component. Empty where
+// none do.
 // Evaluations are told from each other, not from trained runs.
 std::vector<std::string> SettingLabels(const std::vector<const RunInfo*>& runs, Apart apart);
 
