@@ -355,7 +355,11 @@ TYPED_TEST_P(ModelPromises, LoadRefusesMissingBytes) {
 // The law of rows in model.h: a planner would break ties by rounding, and an episode would
 // depend on those that are evaluated beside it.
 TYPED_TEST_P(ModelPromises, ARowHasTheSameAnswerWhateverStandsBesideIt) {
-  constexpr std::uint64_t kRows = 512;
+  // Many requests of few rows, few of many.
+  const struct {
+    std::uint64_t rows;
+    std::vector<std::uint64_t> sizes;
+  } cases[] = {{128, {2, 3, 5, 6, 7, 31, 32, 33, 35, 65, 97}}, {512, {200, 511, 512}}};
   for (const bool bfloat16 : {false, true}) {
     for (const char* preset : {"fast", "paper"}) {
       auto settings = TypeParam::AskingForAll(preset);
@@ -366,24 +370,25 @@ TYPED_TEST_P(ModelPromises, ARowHasTheSameAnswerWhateverStandsBesideIt) {
       for (std::uint64_t update = 0; update < 3; ++update) {
         Train<TypeParam>(model.get(), batch, update);
       }
-      const RowAnswers alone = AskInRequests(model.get(), kRows, 1, 1);
-      for (const std::uint64_t size :
-           {2u, 3u, 5u, 6u, 7u, 31u, 32u, 33u, 35u, 65u, 97u, 200u, 511u, 512u}) {
-        SCOPED_TRACE(testing::Message() << preset << ", bfloat16 " << bfloat16 << ", " << size
-                                        << " rows in a request");
-        for (const std::uint64_t first_size : {size, std::uint64_t{1}}) {
-          const RowAnswers together = AskInRequests(model.get(), kRows, size, first_size);
-          EXPECT_TRUE(alone.observed == together.observed);
-          EXPECT_TRUE(alone.imagined == together.imagined);
-          EXPECT_TRUE(alone.rewards == together.rewards);
-          EXPECT_TRUE(alone.discounts == together.discounts);
-          EXPECT_TRUE(alone.values == together.values);
-          EXPECT_TRUE(alone.deviations == together.deviations);
-          EXPECT_TRUE(alone.least == together.least);
-          EXPECT_TRUE(alone.mode == together.mode);
-          EXPECT_TRUE(alone.samples == together.samples);
-          EXPECT_TRUE(alone.returns == together.returns);
-          EXPECT_TRUE(alone.gradients == together.gradients);
+      for (const auto& [rows, sizes] : cases) {
+        const RowAnswers alone = AskInRequests(model.get(), rows, 1, 1);
+        for (const std::uint64_t size : sizes) {
+          SCOPED_TRACE(testing::Message() << preset << ", bfloat16 " << bfloat16 << ", " << size
+                                          << " rows in a request");
+          for (const std::uint64_t first_size : {size, std::uint64_t{1}}) {
+            const RowAnswers together = AskInRequests(model.get(), rows, size, first_size);
+            EXPECT_TRUE(alone.observed == together.observed);
+            EXPECT_TRUE(alone.imagined == together.imagined);
+            EXPECT_TRUE(alone.rewards == together.rewards);
+            EXPECT_TRUE(alone.discounts == together.discounts);
+            EXPECT_TRUE(alone.values == together.values);
+            EXPECT_TRUE(alone.deviations == together.deviations);
+            EXPECT_TRUE(alone.least == together.least);
+            EXPECT_TRUE(alone.mode == together.mode);
+            EXPECT_TRUE(alone.samples == together.samples);
+            EXPECT_TRUE(alone.returns == together.returns);
+            EXPECT_TRUE(alone.gradients == together.gradients);
+          }
         }
       }
     }
