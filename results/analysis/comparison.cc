@@ -92,8 +92,8 @@ Comparison Compare(const std::vector<std::unique_ptr<Database>>& databases,
       if (score.IsNull(0)) {
         const std::string unfinished = Unfinished(run);
         comparison.notes.push_back(
-            group.task + ", " + group.label + ": " +
-            (unfinished.empty() ? "seed " + std::to_string(run.seed) : unfinished) +
+            group.task + ", " + group.label + ": " + "seed " + std::to_string(run.seed) +
+            (unfinished.empty() ? "" : " ") + unfinished +
             "; it has no score, because there is no evaluation in the last tenth before step " +
             GroupDigits(at) + ".");
         continue;

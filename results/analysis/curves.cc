@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "results/analysis/common_steps.h"
 #include "results/analysis/missing_runs.h"
@@ -325,9 +326,17 @@ std::size_t Thin(std::size_t most_points, std::vector<Line>* lines) {
 std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines) {
   std::vector<std::string> gaps;
   for (const Line& line : lines) {
+    std::vector<std::pair<std::string, std::vector<std::string>>> seeds;  // by how far they got
     for (const RunCurve& run : line.runs) {
       if (run.unfinished.empty()) continue;
-      gaps.push_back(line.task + ", " + line.label + ": " + run.unfinished + ".");
+      auto alike = std::find_if(seeds.begin(), seeds.end(),
+                                [&](const auto& other) { return other.first == run.unfinished; });
+      if (alike == seeds.end()) alike = seeds.insert(alike, {run.unfinished, {}});
+      alike->second.push_back(std::to_string(run.seed));
+    }
+    for (const auto& [unfinished, alike] : seeds) {
+      gaps.push_back(line.task + ", " + line.label + (alike.size() == 1 ? ": seed " : ": seeds ") +
+                     JoinNames(alike) + " " + unfinished + ".");
     }
     gaps.insert(gaps.end(), line.missing.begin(), line.missing.end());
   }

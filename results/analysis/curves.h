@@ -72,8 +72,8 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
 // curves stay whole. Returns how many points became one: equal on every axis.
 std::size_t Thin(std::size_t most_points, std::vector<Line>* lines);
 
-// "walker_walk, mcts_pw: seed 2 failed at 12,000 of 60,000 steps." for every run
-// that did not finish, and for every one that is missing.
+// "walker_walk, mcts_pw: seed 2 failed at 12,000 of 60,000 steps.", a sentence for the seeds of a
+// line that stopped alike, and one for those that are missing.
 std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines);
 // What there is to know of the runs of these lines: experiments that were done twice, then
 // MissingOrUnfinished.

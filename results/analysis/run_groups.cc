@@ -262,8 +262,8 @@ std::vector<std::string> OrderedLabels(const std::vector<RunGroup>& groups) {
 
 std::string Unfinished(const RunInfo& run) {
   if (run.status == RunStatus::kFinished) return "";
-  return "seed " + std::to_string(run.seed) + " " + RunStatusName(run.status) + " at " +
-         GroupDigits(run.env_steps_done) + " of " + GroupDigits(run.env_steps_target) + " steps";
+  return std::string(RunStatusName(run.status)) + " at " + GroupDigits(run.env_steps_done) +
+         " of " + GroupDigits(run.env_steps_target) + " steps";
 }
 
 std::vector<GroupedRun> TrainedRuns(const std::vector<std::unique_ptr<Database>>& databases,

@@ -71,7 +71,7 @@ int PhaseOf(Connection& db, std::int64_t run_id, CurvePhase phase);
 std::string NothingToGroup(const std::vector<std::unique_ptr<Database>>& databases,
                            const RunFilter& filter);
 
-// "seed 2 failed at 12,000 of 60,000 steps" if the run did not finish, else "".
+// "failed at 12,000 of 60,000 steps" if the run did not finish, else "".
 std::string Unfinished(const RunInfo& run);
 
 }  // namespace dreamsearch::results

@@ -62,8 +62,7 @@ std::string Summary(const std::vector<GroupedRun>& runs, const std::vector<Line>
                       "Nothing is missing: every planner has every seed of every task, and every "
                       "run finished.");
   }
-  html += "<details open><summary>" + Counted(gaps.size(), "run") +
-          (gaps.size() == 1 ? " is" : " are") + " missing or did not finish</summary><ul>\n";
+  html += "<details open><summary>Runs that are missing or did not finish</summary><ul>\n";
   for (const std::string& gap : gaps) html += "<li>" + HtmlText(gap) + "</li>\n";
   return html + "</ul></details>\n";
 }

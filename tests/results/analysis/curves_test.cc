@@ -252,6 +252,16 @@ TEST_F(CurvesTest, TheLegendSaysHowManySeedsAndTheNotesWhatIsMissing) {
                                       "walker_walk, rollout: seed 1 is missing."}));
 }
 
+TEST_F(CurvesTest, SeedsThatStoppedAlikeAreNamedInOneSentence) {
+  AddRun({.seed = 0}, {{kSearch, 0, 1}}, RunStatus::kCrashed);
+  AddRun({.seed = 1}, {{kSearch, 0, 1}}, RunStatus::kInterrupted);
+  AddRun({.seed = 2}, {{kSearch, 0, 1}}, RunStatus::kCrashed);
+  EXPECT_EQ(MissingOrUnfinished(ReadLines(databases_, {})),
+            (std::vector<std::string>{
+                "walker_walk, mcts_pw: seeds 0, 2 crashed at 0 of 100,000 steps.",
+                "walker_walk, mcts_pw: seed 1 interrupted at 0 of 100,000 steps."}));
+}
+
 bool HasBand(const Figure& figure) {
   for (const Series& series : figure.panels[0].series) {
     if (series.mark == Series::Mark::kBand) return true;
