@@ -75,6 +75,11 @@ void Smooth(std::vector<double>* values, int points) {
   }
 }
 
+// "seed 1", or "seeds 1, 2".
+std::string SeedsNamed(const std::vector<std::string>& seeds) {
+  return (seeds.size() == 1 ? "seed " : "seeds ") + JoinNames(seeds);
+}
+
 // Says what is missing at the line that lacks it; where a planner has no run on a task at all, at
 // a line of that planner, or at any.
 void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const RunFilter& filter,
@@ -125,9 +130,8 @@ void AddMissing(const std::vector<std::unique_ptr<Database>>& databases, const R
     (*lines)[line == planners.end() ? 0 : line->second].missing.push_back(sentence);
   }
   for (const Gap& gap : gaps) {
-    const bool one = gap.seeds.size() == 1;
-    gap.line->missing.push_back(gap.where + (one ? ": seed " : ": seeds ") + JoinNames(gap.seeds) +
-                                (one ? " is missing." : " are missing."));
+    gap.line->missing.push_back(gap.where + ": " + SeedsNamed(gap.seeds) +
+                                (gap.seeds.size() == 1 ? " is missing." : " are missing."));
   }
 }
 
@@ -335,8 +339,8 @@ std::vector<std::string> MissingOrUnfinished(const std::vector<Line>& lines) {
       alike->second.push_back(std::to_string(run.seed));
     }
     for (const auto& [unfinished, alike] : seeds) {
-      gaps.push_back(line.task + ", " + line.label + (alike.size() == 1 ? ": seed " : ": seeds ") +
-                     JoinNames(alike) + " " + unfinished + ".");
+      gaps.push_back(line.task + ", " + line.label + ": " + SeedsNamed(alike) + " " + unfinished +
+                     ".");
     }
     gaps.insert(gaps.end(), line.missing.begin(), line.missing.end());
   }
