@@ -48,7 +48,8 @@ Contrasts ContrastsOf(const Contender& x, const Contender& y, const ComparisonRe
   Contrasts contrasts;
   contrasts.improvement = Improvement(x.scores, y.scores, request.repetitions, seed("improvement"));
   contrasts.difference = estimate(MeanDifference, x.scores, y.scores, "difference");
-  contrasts.spread_difference = estimate(SpreadDifference, x.scores, y.scores, "spread");
+  contrasts.spread_difference =
+      SpreadDifference(x.scores, y.scores, request.profile_repetitions, seed("spread"));
   if (!x.costs.empty() && !y.costs.empty()) {
     contrasts.cost_ratio = estimate(MeanRatio, x.costs, y.costs, "cost");
   }

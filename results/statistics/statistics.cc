@@ -5,37 +5,10 @@
 #include <limits>
 #include <numeric>
 
+#include "results/statistics/bootstrap.h"
+
 namespace dreamsearch::results {
 namespace {
-
-// SplitMix64 (Steele, Lea, Flood 2014).
-class Generator {
- public:
-  explicit Generator(std::uint64_t seed) : state_(seed) {}
-
-  // Uniform in {0, ..., n - 1}, by multiply and shift; n < 2^32.
-  std::uint32_t Below(std::uint32_t n) {
-    std::uint64_t x = state_ += 0x9e3779b97f4a7c15ull;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ull;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebull;
-    x ^= x >> 31;
-    return static_cast<std::uint32_t>(((x >> 32) * n) >> 32);
-  }
-
- private:
-  std::uint64_t state_;
-};
-
-bool HasInterval(const Scores& scores) {
-  return !scores.empty() && std::all_of(scores.begin(), scores.end(), [](const auto& runs) {
-    return runs.size() >= kIntervalRuns;
-  });
-}
-
-Interval PercentileInterval(std::vector<double>* values) {
-  const double lo = Quantile(values, 0.025);
-  return {lo, Quantile(values, 0.975)};
-}
 
 std::size_t CountRuns(const Scores& scores) {
   return std::accumulate(scores.begin(), scores.end(), std::size_t{0},
@@ -183,29 +156,6 @@ double ImprovementProbability(const Scores& x, const Scores& y) {
   return sum / static_cast<double>(x.size());
 }
 
-double Spread(const Scores& scores) {
-  double sum = 0;
-  for (const std::vector<double>& runs : scores) {
-    const double mean = MeanScore({runs});
-    double squares = 0;
-    for (const double score : runs) squares += (score - mean) * (score - mean);
-    sum += std::sqrt(squares / (static_cast<double>(runs.size()) - 1));
-  }
-  return sum / static_cast<double>(scores.size());
-}
-
-double MeanDifference(const Scores& x, const Scores& y) { return MeanScore(x) - MeanScore(y); }
-
-double SpreadDifference(const Scores& x, const Scores& y) { return Spread(x) - Spread(y); }
-
-double MeanRatio(const Scores& x, const Scores& y) {
-  double sum = 0;
-  for (std::size_t task = 0; task < x.size(); ++task) {
-    sum += std::log(MeanScore({x[task]}) / MeanScore({y[task]}));
-  }
-  return std::exp(sum / static_cast<double>(x.size()));
-}
-
 double PerformanceProfile(const Scores& scores, double tau) {
   std::size_t above = 0;
   for (const std::vector<double>& runs : scores) {
@@ -304,44 +254,6 @@ Estimate Improvement(const Scores& x, const Scores& y, int repetitions, std::uin
       sum += task_wins / (static_cast<double>(n_x) * n_y);
     }
     values.push_back(sum / static_cast<double>(x.size()));
-  }
-  estimate.interval = PercentileInterval(&values);
-  return estimate;
-}
-
-namespace {
-
-// The scores of one repetition.
-Scores Drawn(const Scores& scores, Generator* generator) {
-  Scores drawn = scores;
-  for (std::size_t task = 0; task < scores.size(); ++task) {
-    const auto n = static_cast<std::uint32_t>(scores[task].size());
-    for (double& score : drawn[task]) score = scores[task][generator->Below(n)];
-  }
-  return drawn;
-}
-
-}  // namespace
-
-Estimate SpreadEstimate(const Scores& scores, int repetitions, std::uint64_t seed) {
-  Estimate estimate = {Spread(scores), std::nullopt};
-  if (!HasInterval(scores)) return estimate;
-  Generator generator(seed);
-  std::vector<double> values;
-  for (int i = 0; i < repetitions; ++i) values.push_back(Spread(Drawn(scores, &generator)));
-  estimate.interval = PercentileInterval(&values);
-  return estimate;
-}
-
-Estimate ContrastEstimate(Contrast contrast, const Scores& x, const Scores& y, int repetitions,
-                          std::uint64_t seed) {
-  Estimate estimate = {contrast(x, y), std::nullopt};
-  if (!HasInterval(x) || !HasInterval(y)) return estimate;
-  Generator generator(seed);
-  std::vector<double> values;
-  for (int i = 0; i < repetitions; ++i) {
-    const Scores drawn_x = Drawn(x, &generator);
-    values.push_back(contrast(drawn_x, Drawn(y, &generator)));
   }
   estimate.interval = PercentileInterval(&values);
   return estimate;

@@ -35,9 +35,8 @@ double Spread(const Scores& scores);
 
 // What compares two algorithms; x and y have the same tasks.
 using Contrast = double (*)(const Scores& x, const Scores& y);
-// MeanScore(x) - MeanScore(y), and the same of the spreads.
+// MeanScore(x) - MeanScore(y).
 double MeanDifference(const Scores& x, const Scores& y);
-double SpreadDifference(const Scores& x, const Scores& y);
 // Of positive numbers: geometric mean over tasks of the ratio of the means over runs.
 double MeanRatio(const Scores& x, const Scores& y);
 
@@ -82,7 +81,10 @@ inline constexpr int kProfileRepetitions = 2000;
 
 Aggregates Aggregate(const Scores& scores, int repetitions, std::uint64_t seed);
 Estimate Improvement(const Scores& x, const Scores& y, int repetitions, std::uint64_t seed);
+// The spread, and that of x less that of y. A resample of few runs has repeated ones and is too
+// narrow, so resampled spreads are scaled until their mean is the spread of the scores. [ours]
 Estimate SpreadEstimate(const Scores& scores, int repetitions, std::uint64_t seed);
+Estimate SpreadDifference(const Scores& x, const Scores& y, int repetitions, std::uint64_t seed);
 Estimate ContrastEstimate(Contrast contrast, const Scores& x, const Scores& y, int repetitions,
                           std::uint64_t seed);
 // One estimate for each tau.

@@ -132,20 +132,23 @@ def mean(matrix):
     return np.mean([runs.mean() for runs in matrix])
 
 
+def draws_of(function, matrix):
+    draws = np.array([function(resample(matrix)) for _ in range(repetitions)])
+    return draws * (spread(matrix) / draws.mean()) if function is spread else draws
+
+
 for item in found["planners"]:
     matrix = matrices[item["planner"]]
     check(f"{item['planner']} spread", item["spread"]["value"], spread(matrix), 1e-12)
-    check_interval(f"{item['planner']} spread", item["spread"],
-                   np.array([spread(resample(matrix)) for _ in range(repetitions)]),
+    check_interval(f"{item['planner']} spread", item["spread"], draws_of(spread, matrix),
                    found["profile_repetitions"])
 for item in found["contrasts"]:
     x, y = matrices[item["x"]], matrices[item["y"]]
     for name, function in (("difference", mean), ("spread_difference", spread)):
         what = f"{name} of {item['x']} and {item['y']}"
         check(what, item[name]["value"], function(x) - function(y), 1e-12)
-        check_interval(what, item[name], np.array(
-            [function(resample(x)) - function(resample(y)) for _ in range(repetitions)]),
-            found["profile_repetitions"])
+        check_interval(what, item[name], draws_of(function, x) - draws_of(function, y),
+                       found["profile_repetitions"])
     low, high = item["difference"]["lo"], item["difference"]["hi"]
     verdict = ("they match" if low >= -0.05 and high <= 0.05 else "X is better" if low > 0
                else "X is worse" if high < 0 else "cannot tell")

@@ -48,10 +48,47 @@ TEST(Statistics, TheSpreadIsTheMeanOverTasksOfTheDeviationOverRuns) {
   EXPECT_EQ(Spread({{4, 4, 4}}), 0);
 }
 
+// Of three seeds a plain percentile interval would hold it in half of the studies.
+TEST(Statistics, TheIntervalOfASpreadHoldsTheExpectedOne) {
+  constexpr double kShareOfDeviation = 0.8862;  // what three normal draws show of it on average
+  constexpr int kStudies = 300;
+  Random random(5);
+  double expected = 0;
+  const auto study = [&](double factor) {
+    Scores scores(8);
+    expected = 0;
+    for (std::size_t task = 0; task < scores.size(); ++task) {
+      const double deviation = 0.02 * static_cast<double>(task + 1);
+      expected += kShareOfDeviation * deviation / 8;
+      for (int run = 0; run < 3; ++run) {
+        scores[task].push_back(factor * deviation * random.Normal());
+      }
+    }
+    return scores;
+  };
+  int held = 0, difference_held = 0;
+  for (int i = 0; i < kStudies; ++i) {
+    const Scores x = study(1), y = study(2);
+    const Interval of_x = *SpreadEstimate(x, 500, 1).interval;
+    held += of_x.lo <= expected && expected <= of_x.hi;
+    const Interval less = *SpreadDifference(y, x, 500, 1).interval;
+    difference_held += less.lo <= expected && expected <= less.hi;
+  }
+  EXPECT_GT(held, 0.88 * kStudies);
+  EXPECT_GT(difference_held, 0.88 * kStudies);
+}
+
+TEST(Statistics, TheIntervalOfEqualScoresHasNoWidth) {
+  const Estimate estimate = SpreadEstimate({{2, 2, 2}}, 100, 1);
+  EXPECT_EQ(estimate.interval->lo, 0);
+  EXPECT_EQ(estimate.interval->hi, 0);
+  EXPECT_FALSE(SpreadDifference({{2, 3}}, {{1, 2, 3}}, 100, 1).interval);
+}
+
 TEST(Statistics, ContrastsCompareMeansSpreadsAndCosts) {
   const Scores x = {{1, 2, 3}, {8, 8, 8}}, y = {{1, 1, 1}, {1, 2, 3}};
   EXPECT_NEAR(MeanDifference(x, y), 5 - 1.5, kTolerance);
-  EXPECT_NEAR(SpreadDifference(x, y), 0, kTolerance);
+  EXPECT_NEAR(SpreadDifference(x, y, 100, 1).value, 0, kTolerance);
   EXPECT_NEAR(MeanRatio(x, y), std::sqrt(2.0 * 4.0), kTolerance);
 }
 
