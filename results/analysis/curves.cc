@@ -196,6 +196,15 @@ void ReadPublished(const std::vector<std::unique_ptr<Database>>& databases,
   }
 }
 
+// As Line::acting.
+std::string ActingOf(Connection* db, std::int64_t run_id, int phase) {
+  if (phase == 2) return " actor";
+  Statement searched = db->Prepare(
+      "SELECT 1 FROM episode WHERE run_id = ?1 AND phase = ?2 AND model_transitions > 0 LIMIT 1");
+  searched.Bind(run_id, phase);
+  return searched.Step() ? " with search" : "";
+}
+
 }  // namespace
 
 int Line::n() const {
@@ -227,7 +236,7 @@ std::vector<Line> ReadLines(const std::vector<std::unique_ptr<Database>>& databa
     for (const auto& [run, database, phase, notes] : group.runs) {
       Connection& db = database->connection();
       line.twice.insert(line.twice.end(), notes.begin(), notes.end());
-      line.with_search = line.with_search || phase == 1;
+      if (line.acting.empty()) line.acting = ActingOf(&db, run.run_id, phase);
       RunCurve& curve = line.runs.emplace_back();
       curve.seed = run.seed;
       curve.uuid = run.uuid;

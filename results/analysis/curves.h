@@ -48,7 +48,9 @@ struct Line {
   std::string planner;  // empty for a published line
   std::size_t planner_rank = 0;
   bool published = false;
-  bool with_search = false;   // phase 1 rather than 2 or 0
+  // What chose the actions of its evaluations: " with search", " actor", or, where a planner that
+  // is neither did (random), nothing.
+  std::string acting;
   bool binned = false;        // points are bins rather than evaluations
   std::int64_t thinning = 1;  // one point stands for so many
   std::optional<double> return_low, return_high;

@@ -85,7 +85,7 @@ TaskMean MeanOverTasks(const std::vector<Line>& lines, const std::string& label,
     own.push_back(&line);
     mean.counts.insert(line.n());
     mean.published = line.published;
-    mean.with_search = line.with_search;
+    if (mean.acting.empty()) mean.acting = line.acting;
     for (const RunCurve& run : line.runs) {
       if (!run.x.empty()) seeds.insert(run.seed);
     }

@@ -47,11 +47,12 @@ std::optional<Interval> IntervalOf(const LinePoint& point, CurveInterval interva
 // interquartile mean is that over all seeds and tasks.
 struct TaskMean {
   std::string label;
-  bool published = false, with_search = false;  // as Line
-  std::set<int> counts;                         // runs, by task
-  std::string left_out;                         // why it has no points
-  bool interpolated = false;                    // as LineCurve
-  std::vector<LinePoint> points;                // where every seed has every task
+  bool published = false;
+  std::string acting;             // as Line
+  std::set<int> counts;           // runs, by task
+  std::string left_out;           // why it has no points
+  bool interpolated = false;      // as LineCurve
+  std::vector<LinePoint> points;  // where every seed has every task
 };
 // In the order of OrderedLabels.
 std::vector<TaskMean> MeansOverTasks(const std::vector<Line>& lines);

@@ -23,9 +23,8 @@ std::string SeedsText(const std::set<int>& counts) {
 }
 
 // What the legend says of a line's evaluations, where a request takes either kind.
-std::string PhaseName(bool published, bool with_search, CurvePhase phase) {
-  if (published || phase != CurvePhase::kEvaluation) return "";
-  return with_search ? " with search" : " actor";
+std::string ActingText(const std::string& acting, CurvePhase phase) {
+  return phase == CurvePhase::kEvaluation ? acting : "";
 }
 
 std::string YLabel(const CurveRequest& request) {
@@ -153,7 +152,7 @@ Figure CurvesByTask(const std::vector<Line>& lines, const CurveRequest& request,
       figure.panels.push_back({.title = line.task});
     }
     counts[line.label].insert(line.n());
-    phases[line.label] = PhaseName(line.published, line.with_search, request.phase);
+    phases[line.label] = ActingText(line.acting, request.phase);
   }
   // The first planner last, on top.
   for (auto label = order.rbegin(); label != order.rend(); ++label) {
@@ -208,11 +207,10 @@ Figure CurvesOverTasks(const std::vector<Line>& lines, const CurveRequest& reque
       line.Add(point.x, point.mean, IntervalOf(point, CurveInterval::kMinMax));
     }
     line.AddTo(&panel);
-    figure.legend.insert(
-        figure.legend.begin(),
-        {.text = mean.label + PhaseName(mean.published, mean.with_search, request.phase) + " (" +
-                 SeedsText(mean.counts) + ")",
-         .style = style});
+    figure.legend.insert(figure.legend.begin(),
+                         {.text = mean.label + ActingText(mean.acting, request.phase) + " (" +
+                                  SeedsText(mean.counts) + ")",
+                          .style = style});
   }
   figure.panels.push_back(std::move(panel));
   std::string note =

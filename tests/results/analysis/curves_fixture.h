@@ -31,7 +31,7 @@ class CurvesTest : public testing::Test {
                          .episode = episodes[static_cast<int>(value.phase)]++,
                          .env_step = value.env_step,
                          .episode_return = value.episode_return,
-                         .model_transitions = 10});
+                         .model_transitions = settings.planner == "random" ? 0 : 10});
       const double seconds = 0.01 * static_cast<double>(value.env_step);
       writer.AddTimeUse({value.env_step, "learning", seconds, 2 * seconds, 120 * seconds});
       writer.AddTimeUse({value.env_step, "evaluation", 1e6, 1e6, 1e8});

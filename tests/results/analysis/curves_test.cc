@@ -40,12 +40,14 @@ TEST_F(CurvesTest, LongBudgetsAreReadFromTheBins) {
 TEST_F(CurvesTest, EvaluationIsWithSearchWhereThereIsOne) {
   AddRun({.planner = "mcts_pw"}, {{kSearch, 0, 1}, {kActor, 0, 5}});
   AddRun({.planner = "dreamer"}, {{kActor, 0, 7}});
+  AddRun({.planner = "random"}, {{kSearch, 0, 3}});
   const std::vector<Line> lines = ReadLines(databases_, {});
-  ASSERT_EQ(lines.size(), 2u);
-  EXPECT_TRUE(lines[0].with_search);
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_EQ(lines[2].acting, "");  // neither searches nor has an actor
+  EXPECT_EQ(lines[0].acting, " with search");
   EXPECT_EQ(Points(lines[0])[0].mean, 1);
   EXPECT_EQ(lines[1].label, "dreamer");
-  EXPECT_FALSE(lines[1].with_search);
+  EXPECT_EQ(lines[1].acting, " actor");
   EXPECT_EQ(Points(lines[1])[0].mean, 7);
   EXPECT_EQ(Points(ReadLines(databases_, {.phase = CurvePhase::kActorEvaluation})[0])[0].mean, 5);
 }
