@@ -4,7 +4,7 @@
 # table of the page is printed anew. A table stands below the command that prints it,
 #   <!-- $ results sql --db results/published/NAME.db ... -->
 # and ends at `<!-- end -->`. Commands run in the project's folder, by bash, with the programs of
-# build/release.
+# build/release. Stop a `runner` that still works on a database first.
 #   experiments/publish.sh PAGE [DATABASE ...]
 #   experiments/publish.sh results/published/twenty_100k.md results/twenty_100k.db
 set -euo pipefail
