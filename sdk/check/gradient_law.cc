@@ -178,14 +178,16 @@ void GivesTheGradientOfItsReturns(const Trial& trial) {
           if (step == kSmallest) {
             rounded[b] = std::max(rounded[b], 2 * step * std::abs(difference - slope));
           }
-          largest[b] = std::max(largest[b], std::abs(slope));
         }
+      }
+      for (std::uint64_t b = 0; b < kCount; ++b) {
+        largest[b] = std::max(largest[b], std::abs(slopes[b * width + i]));
       }
     }
     for (std::uint64_t row = 0; row < kCount * width; ++row) {
       const std::uint64_t b = row / width, i = row % width;
       const double rounding =
-          std::max(kRounding * (1 + std::abs(reported[b])), 2 * rounded[b] / (2 * kLargest));
+          std::max(kRounding * (1 + std::abs(reported[b])), rounded[b] / kLargest);
       Expect(std::abs(nearest[row] - slopes[row]) <= kOfTheLargest * largest[b] + rounding,
              Format("the central difference of return %llu for action %llu, entry %llu: ",
                     static_cast<unsigned long long>(b),
